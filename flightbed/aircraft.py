@@ -1,0 +1,204 @@
+"""An aircraft: edits laid over a stock JSBSim model, its actuator, its limits, and the names of its properties.
+
+The stock file is not part of flightbed (the F-16's is GPL). It is read from the installed jsbsim package, its hash is
+checked, and the edits listed in ``aircraft.toml`` are applied in memory; see ``aircraft/f16/README.md``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from flightbed import data
+from flightbed.errors import AircraftError
+from flightbed.units import DEG
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A first-order lag with rate and position limits.
+
+    Attributes:
+        lag_rad_s: bandwidth of the lag, rad/s.
+        rate_limit_rad_s: largest rate, rad/s.
+        min_rad, max_rad: position limits, rad.
+
+    """
+
+    lag_rad_s: float
+    rate_limit_rad_s: float
+    min_rad: float
+    max_rad: float
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of the trim search: (lowest, highest)."""
+
+    alpha_rad: tuple[float, float]
+    throttle_norm: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)  # by identity: hashable, and what is built from it is kept as long as it is
+class Aircraft:
+    """An overlay aircraft, read from a folder.
+
+    Attributes:
+        name: its name, also of the patched model.
+        stock_file: path of the stock model inside the jsbsim package.
+        stock_sha256: hash that the stock model must have.
+        actuator: the elevator's actuator.
+        limits: bounds for trim.
+        properties: harness name -> JSBSim property.
+        edits: the edits, in order.
+        snippets: file name -> text with ``$names`` filled in.
+
+    """
+
+    name: str
+    description: str
+    stock_file: str
+    stock_sha256: str
+    actuator: Actuator
+    limits: Limits
+    properties: Mapping[str, str]
+    edits: tuple[Mapping[str, Any], ...]
+    snippets: Mapping[str, str]
+
+    def patch(self, stock: bytes) -> bytes:
+        """Return the stock model with all edits applied.
+
+        Raises AircraftError when the stock model is not the one that the edits were written for.
+        """
+        found = hashlib.sha256(stock).hexdigest()
+        if found != self.stock_sha256:
+            raise AircraftError(
+                f"aircraft {self.name}: {self.stock_file} of the installed jsbsim has sha256 {found[:12]}..., the overlay was "
+                f"written for {self.stock_sha256[:12]}...; install the jsbsim version that flightbed pins"
+            )
+        root = ET.fromstring(stock)
+        root.set("name", f"{root.get('name', self.name)} (flightbed overlay)")
+        for number, edit in enumerate(self.edits):
+            try:
+                _EDITS[edit["do"]](root, edit, self.snippets)
+            except (KeyError, ET.ParseError, _EditError) as error:
+                reason = f"needs {error}" if isinstance(error, KeyError) else str(error)
+                raise AircraftError(f"aircraft {self.name}: edits.{number} ({edit.get('do')}): {reason}") from None
+        return ET.tostring(root, encoding="utf-8")
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of everything that defines this aircraft: stock model, edits and numbers."""
+        text = repr((self.stock_sha256, self.actuator, self.limits, sorted(self.properties.items()),
+                     [sorted(e.items()) for e in self.edits], sorted(self.snippets.items())))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def load_aircraft(name: str) -> Aircraft:
+    """Read an aircraft by shipped name or folder.
+
+    Raises UnknownNameError or AircraftError.
+    """
+    folder = data.find("aircraft", name)
+    path = folder / "aircraft.toml"
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        elevator = raw["elevator"]
+        numbers = {key: float(value) for key, value in elevator.items()}
+        numbers |= {key.replace("_deg", "_rad"): value * DEG for key, value in numbers.items() if "_deg" in key}
+        fill = {key: repr(value) for key, value in numbers.items()}
+        edits = tuple(_filled(edit, fill) for edit in raw["edits"])
+        snippets = {edit["with"]: Template((folder / Path(edit["with"]).name).read_text(encoding="utf-8")).substitute(fill)
+                    for edit in edits if "with" in edit}
+        alpha, throttle = raw["limits"]["alpha_deg"], raw["limits"]["throttle_norm"]
+        return Aircraft(
+            name=raw["name"],
+            description=raw["description"],
+            stock_file=raw["stock"]["file"],
+            stock_sha256=raw["stock"]["sha256"],
+            actuator=Actuator(*(numbers[k] for k in ("lag_rad_s", "rate_limit_rad_s", "min_rad", "max_rad"))),
+            limits=Limits((alpha[0] * DEG, alpha[1] * DEG), (throttle[0], throttle[1])),
+            properties=raw["properties"],
+            edits=edits,
+            snippets=snippets,
+        )
+    except KeyError as error:
+        raise AircraftError(f"{path}: {error} is missing") from None
+    except (OSError, ValueError, TypeError, IndexError, tomllib.TOMLDecodeError) as error:
+        raise AircraftError(f"{path}: {error}") from None
+
+
+class _EditError(Exception):
+    pass
+
+
+def _filled(edit: Mapping[str, Any], fill: Mapping[str, str]) -> dict[str, Any]:
+    return {key: Template(value).substitute(fill) if isinstance(value, str) else value for key, value in edit.items()}
+
+
+def _section(root: ET.Element, tag: str) -> ET.Element:
+    section = root.find(tag)
+    if section is None:
+        raise _EditError(f"the stock model has no <{tag}>")
+    return section
+
+
+def _declare(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    element = ET.Element("property", value=str(edit["value"]))
+    element.text = edit["property"]
+    _section(root, "flight_control").insert(0, element)
+
+
+def _replace_channel(root: ET.Element, edit: Mapping[str, Any], snippets: Mapping[str, str]) -> None:
+    control = _section(root, "flight_control")
+    places = [i for i, c in enumerate(control) if c.tag == "channel" and c.get("name") == edit["channel"]]
+    if len(places) != 1:
+        raise _EditError(f"expected one channel {edit['channel']}, found {len(places)}")
+    # In place: channels run in file order.
+    control[places[0]] = ET.fromstring(snippets[edit["with"]])
+
+
+def _rewire(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    rewired = []
+    for function in _section(root, "aerodynamics").iter("function"):
+        for element in function.iter():
+            if (element.text or "").strip() == edit["from"]:
+                element.text = edit["to"]
+                rewired.append(function.get("name"))
+    if sorted(rewired, key=str) != sorted(edit["functions"]):
+        raise _EditError(f"expected {edit['from']} in {edit['functions']}, found it in {rewired}")
+
+
+def _remove_functions(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    wanted = set(edit["functions"])
+    for axis in _section(root, "aerodynamics").iter("axis"):
+        for function in [f for f in axis.findall("function") if f.get("name") in wanted]:
+            axis.remove(function)
+            wanted.discard(str(function.get("name")))
+    if wanted:
+        raise _EditError(f"no function {', '.join(sorted(wanted))}")
+
+
+def _remove_systems(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    wanted = set(edit["systems"])
+    for system in [s for s in root.findall("system") if s.get("file") in wanted]:
+        root.remove(system)
+        wanted.discard(str(system.get("file")))
+    if wanted:
+        raise _EditError(f"no system {', '.join(sorted(wanted))}")
+
+
+_EDITS = {
+    "declare": _declare,
+    "replace-channel": _replace_channel,
+    "rewire": _rewire,
+    "remove-functions": _remove_functions,
+    "remove-systems": _remove_systems,
+}

@@ -1,0 +1,89 @@
+"""Gains for the proportional and the proportional-integral law, by pole placement on the design model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import place_poles
+
+from flightbed.control.base import Gains
+from flightbed.errors import DesignError
+from flightbed.short_period import ShortPeriod
+
+Matrix = npt.NDArray[np.float64]
+
+# Sillence (1999), Table 3, closed loop at K = 1.
+_THESIS_SLOW_POLE = -1.4724
+_THESIS_FAST_POLE = complex(-14.4615, 15.5040)
+_FAST_TO_ACTUATOR = 0.6
+_PITCH_RATE = np.array([0.0, 1.0, 0.0])
+
+
+def default_poles(design: ShortPeriod) -> tuple[complex, ...]:
+    """Return closed-loop poles near those of Sillence's Table 3, scaled so that the actuator is not the limit.
+
+    The slow pole stays; the fast pair keeps its damping ratio (0.68) at 0.6 of the actuator's bandwidth, where the thesis
+    has it at 1.06. The margin is needed after a failure: the correction 1/K multiplies all that the actuator is asked for.
+    """
+    fast = _THESIS_FAST_POLE * (_FAST_TO_ACTUATOR * design.actuator_rad_s / abs(_THESIS_FAST_POLE))
+    return complex(_THESIS_SLOW_POLE), fast, fast.conjugate()
+
+
+def design_proportional(design: ShortPeriod, poles: Sequence[complex] | None = None) -> Gains:
+    """Place the poles of (alpha, q, elevator); the reference gain gives unit DC gain from r to q (Sillence S 3.2).
+
+    Raises DesignError when the model does not admit it.
+    """
+    A, b = design.with_actuator()
+    k = -_place(A, b, tuple(poles) if poles is not None else default_poles(design))
+    return Gains(alpha=k[0], q=k[1], elevator=k[2], reference=reference_gain(design, k))
+
+
+def design_integral(design: ShortPeriod, poles: Sequence[complex] | None = None, *, integral_pole: float = -0.5) -> Gains:
+    """Place the poles of (alpha, q, elevator, integral of r - q) (Sillence S 3.3), the reference gain as for P."""
+    A3, b3 = design.with_actuator()
+    A, b = _with_integrator(A3, b3)
+    k = -_place(A, b, (*(poles if poles is not None else default_poles(design)), complex(integral_pole)))
+    return Gains(alpha=k[0], q=k[1], elevator=k[2], reference=reference_gain(design, k[:3]), integral=k[3])
+
+
+def reference_gain(design: ShortPeriod, feedback: Matrix) -> float:
+    """Return K_r = -1 / (c A_cl^-1 b): unit DC gain from reference to pitch rate (Sillence S 3.2, which drops the minus)."""
+    A, b = design.with_actuator()
+    dc = float(_PITCH_RATE @ np.linalg.solve(A + np.outer(b, feedback), b))
+    if abs(dc) < 1e-9:
+        raise DesignError("the elevator has no steady effect on pitch rate: no reference gain exists")
+    return -1.0 / dc
+
+
+def closed_loop(design: ShortPeriod, gains: Gains, *, effectiveness: float = 1.0, correction: float = 1.0) -> Matrix:
+    """Return the closed-loop matrix of (alpha, q, elevator[, integral]); the last only with an integral gain.
+
+    Args:
+        effectiveness: K of the plant.
+        correction: factor on the summed command, before the actuator.
+
+    """
+    A, b = design.with_actuator(effectiveness)
+    feedback = correction * np.array([gains.alpha, gains.q, gains.elevator])
+    if gains.integral == 0.0:
+        return A + np.outer(b, feedback)
+    A4, b4 = _with_integrator(A, b)
+    return A4 + np.outer(b4, [*feedback, correction * gains.integral])
+
+
+def _with_integrator(A: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:
+    A4 = np.zeros((4, 4))
+    A4[:3, :3] = A
+    A4[3, :3] = -_PITCH_RATE
+    return A4, np.append(b, 0.0)
+
+
+def _place(A: Matrix, b: Matrix, poles: tuple[complex, ...]) -> Matrix:
+    try:
+        placed = place_poles(A, b[:, None], np.array(poles))
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise DesignError(f"cannot place the poles {', '.join(f'{p:.4g}' for p in poles)}: {error}") from None
+    return np.asarray(placed.gain_matrix[0], dtype=np.float64)

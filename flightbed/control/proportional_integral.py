@@ -1,0 +1,25 @@
+"""The proportional-integral law in Sillence's form."""
+
+from __future__ import annotations
+
+from flightbed.control.base import Gains
+from flightbed.control.proportional import Proportional
+from flightbed.signals import Measurement
+
+
+class ProportionalIntegral:
+    """The proportional law plus the integral of r - q, held while the command is cut at the stops (Sillence S 3.3)."""
+
+    def __init__(self, gains: Gains, *, alpha_trim_rad: float, elevator_trim_rad: float, control_hz: int) -> None:
+        self._proportional = Proportional(gains, alpha_trim_rad=alpha_trim_rad, elevator_trim_rad=elevator_trim_rad)
+        self._per_tick = gains.integral / control_hz
+        self._integral = 0.0
+
+    def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:
+        """Return the deflection that should act, rad."""
+        demand = self._integral + self._proportional.demand(
+            measurement, q_ref_rad_s=q_ref_rad_s, elevator_rad=elevator_rad, hold=hold
+        )
+        if not hold:
+            self._integral += self._per_tick * (q_ref_rad_s - measurement.q_rad_s)
+        return demand

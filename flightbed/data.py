@@ -1,0 +1,39 @@
+"""Where aircraft and scenarios live: inside an installed package, or beside it in a source tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from flightbed.errors import UnknownNameError
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def shipped(kind: str) -> Path:
+    """Return the folder of shipped data of a kind, ``"aircraft"`` or ``"scenario"``."""
+    installed = _PACKAGE / f"{kind}_data"
+    return installed if installed.is_dir() else _PACKAGE.parent / {"aircraft": "aircraft", "scenario": "scenarios"}[kind]
+
+
+def names(kind: str) -> Iterator[str]:
+    """Yield the names of shipped aircraft or scenarios, sorted."""
+    folder = shipped(kind)
+    found = (p.parent.name for p in folder.glob("*/aircraft.toml")) if kind == "aircraft" else (
+        p.stem for p in folder.glob("*.toml"))
+    yield from sorted(found)
+
+
+def find(kind: str, name: str) -> Path:
+    """Return the folder of an aircraft or the file of a scenario, given a shipped name or a path of the user's own.
+
+    A path wins when it exists. Raises UnknownNameError when neither does.
+    """
+    marker = "aircraft.toml" if kind == "aircraft" else ""
+    own = Path(name).expanduser()
+    if (own / marker).is_file():
+        return own
+    candidate = shipped(kind) / (name if kind == "aircraft" else f"{name}.toml")
+    if Path(name).name == name and (candidate / marker).is_file():
+        return candidate
+    raise UnknownNameError(f"{kind} (neither a shipped name nor a path)", name, names(kind))

@@ -1,0 +1,100 @@
+"""Joint estimation of state and loop gain K: Theorem 1 of Sillence (1999), Theorem 2 of Pachter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed.estimation import kernels
+from flightbed.sensors import SensorNoise
+from flightbed.short_period import ShortPeriod
+from flightbed.signals import Estimate, Measurement
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LoopGainConfig:
+    """Settings of the estimator. SI, radians.
+
+    Attributes:
+        memory: ``"expanding"`` (all data), ``"window"`` (the last ``window`` samples, each started from the prior) or
+            ``"fading"`` (the covariance inflated by 1/forgetting per tick).
+        window: samples in a window.
+        forgetting: lambda in (0, 1]; 1 forgets nothing.
+        smoothing: s in K_s+ = s K_s + (1 - s) K-hat, started at 1 (Sillence eq (85)).
+        bounds: lowest and highest K-hat that is passed on.
+        absolute: x' = A x + b (K delta - delta_trim): K scales the whole deflection, as on the aircraft. Otherwise
+            x' = A x + K b (delta - delta_trim), the thesis's form, for a plant whose trim does not depend on K.
+        alpha_disturbance_rad_s, q_disturbance_rad_s2: process noise: standard deviation of an unmodelled alpha rate and
+            pitch acceleration, white, each held for one tick.
+        prior_from_measurement: start alpha and q from the readings and their variances, instead of from the prior.
+        prior_alpha_rad, prior_q_rad_s: prior state, deviations from trim.
+        prior_alpha_var, prior_q_var: their variances.
+        prior_effectiveness, prior_effectiveness_var: prior of K.
+
+    """
+
+    memory: str = "window"
+    window: int = 30
+    forgetting: float = 0.98
+    smoothing: float = 0.9
+    bounds: tuple[float, float] = (0.0, 1.0)
+    absolute: bool = True
+    alpha_disturbance_rad_s: float = 0.0
+    q_disturbance_rad_s2: float = 0.0
+    prior_from_measurement: bool = True
+    prior_alpha_rad: float = 0.0
+    prior_q_rad_s: float = 0.0
+    prior_alpha_var: float = 1.0
+    prior_q_var: float = 1.0
+    prior_effectiveness: float = 1.0
+    prior_effectiveness_var: float = 0.4
+
+
+class LoopGain:
+    """The augmented Kalman filter on the short-period design model, both alpha and q measured; an Estimator.
+
+    Args:
+        config: settings.
+        design: short-period model with the trim it belongs to.
+        noise: standard deviations of the sensors, as the filter believes them.
+        control_hz: rate of the measurements.
+
+    """
+
+    def __init__(self, config: LoopGainConfig, *, design: ShortPeriod, noise: SensorNoise, control_hz: int) -> None:
+        discrete = design.discrete(control_hz)
+        filters = config.window if config.memory == "window" else 1
+        self._alpha_trim = design.alpha_trim_rad
+        # Absolute: the known part of the input is -delta_trim, an affine term; else it is subtracted from u.
+        self._input_offset = 0.0 if config.absolute else design.elevator_trim_rad
+        affine = -discrete.b * design.elevator_trim_rad if config.absolute else np.zeros(2)
+        self._model = np.column_stack([discrete.A, discrete.b, affine])
+        dt = 1.0 / control_hz
+        self._Q = np.diag([(config.alpha_disturbance_rad_s * dt) ** 2, (config.q_disturbance_rad_s2 * dt) ** 2])
+        self._inflation = 1.0 / config.forgetting if config.memory == "fading" else 1.0
+        self._H, self._r = np.eye(2), np.array([noise.alpha_rad**2, noise.q_rad_s**2])
+        self._x0 = np.array([config.prior_alpha_rad, config.prior_q_rad_s, config.prior_effectiveness])
+        self._P0 = np.diag([config.prior_alpha_var, config.prior_q_var, config.prior_effectiveness_var])
+        self._anchor = config.prior_from_measurement
+        self._X, self._P, self._T = np.zeros((3, filters)), np.zeros((3, 3, filters)), np.zeros((3, 3, filters))
+        self._low, self._high = config.bounds
+        self._keep = config.smoothing
+        self._smoothed = 1.0
+        self._tick = 0
+
+    def update(self, measurement: Measurement) -> Estimate:
+        """Take the readings of the next tick, return the estimate that includes them."""
+        gain, variance, alpha, q, nis = kernels.tick(
+            self._X, self._P, self._T, self._model, measurement.elevator_mean_rad - self._input_offset, self._Q,
+            self._inflation, self._H, self._r, (measurement.alpha_rad - self._alpha_trim, measurement.q_rad_s),
+            self._tick, self._x0, self._P0, self._anchor,
+        )
+        self._tick += 1
+        bounded = min(max(gain, self._low), self._high)
+        self._smoothed = self._keep * self._smoothed + (1.0 - self._keep) * bounded
+        return Estimate(bounded, sqrt(variance), self._smoothed, gain, alpha + self._alpha_trim, q, nis)

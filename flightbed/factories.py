@@ -1,0 +1,89 @@
+"""Settings of a scenario -> the objects that fly; one factory per registered name, where units are converted."""
+
+from __future__ import annotations
+
+from math import ceil
+
+from flightbed import scenario as s
+from flightbed.command.base import Command
+from flightbed.command.constant import constant as _constant
+from flightbed.command.constant import none as _none
+from flightbed.command.doublet import doublet as _doublet
+from flightbed.control.base import Gains, Law
+from flightbed.control.design import design_integral, design_proportional
+from flightbed.control.proportional import Proportional
+from flightbed.control.proportional_integral import ProportionalIntegral
+from flightbed.estimation.base import Estimator
+from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
+from flightbed.failures.effector import Effectiveness, weakened
+from flightbed.sensors import SensorNoise
+from flightbed.short_period import ShortPeriod
+from flightbed.units import DEG
+
+
+def doublet(settings: s.Command) -> Command:
+    """Doublets of +-amplitude_deg_s, each period_s long, count of them from start_s on."""
+    return _doublet(amplitude_rad_s=settings.amplitude_deg_s * DEG, period_s=settings.period_s, count=settings.count,
+                    start_s=settings.start_s)
+
+
+def constant(settings: s.Command) -> Command:
+    """Hold amplitude_deg_s from start_s on."""
+    return _constant(amplitude_rad_s=settings.amplitude_deg_s * DEG, start_s=settings.start_s)
+
+
+def none(_settings: s.Command) -> Command:
+    """Ask for nothing: straight and level."""
+    return _none()
+
+
+def gains(settings: s.Control, design: ShortPeriod) -> Gains:
+    """Return the gains of the chosen law on a design model."""
+    poles = None if settings.poles is None else [complex(re, im) for re, im in settings.poles]
+    if settings.law == "proportional-integral":
+        return design_integral(design, poles, integral_pole=settings.integral_pole_rad_s)
+    return design_proportional(design, poles)
+
+
+def proportional(settings: s.Control, design: ShortPeriod, _control_hz: int) -> Law:
+    """Feedback of alpha, q and elevator, prefilter gain for unit DC gain (Sillence S 3.2)."""
+    return Proportional(gains(settings, design), alpha_trim_rad=design.alpha_trim_rad, elevator_trim_rad=design.elevator_trim_rad)
+
+
+def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: int) -> Law:
+    """The proportional law plus the integral of the pitch-rate error (Sillence S 3.3)."""
+    return ProportionalIntegral(gains(settings, design), alpha_trim_rad=design.alpha_trim_rad,
+                                elevator_trim_rad=design.elevator_trim_rad, control_hz=control_hz)
+
+
+def effectiveness(settings: s.Failure, before: Effectiveness, control_hz: int) -> Effectiveness:
+    """Keep the share `to` of the deflection's effect from the first tick at or after at_s."""
+    return weakened(before, to=settings.to, at_tick=failure_tick(settings, control_hz))
+
+
+def failure_tick(settings: s.Failure, control_hz: int) -> int:
+    """Return the first tick at or after the failure's time; round-off in at_s * control_hz does not delay it."""
+    return ceil(settings.at_s * control_hz - 1e-6)
+
+
+def loop_gain(settings: s.EstimatorSettings, design: ShortPeriod, noise: SensorNoise, control_hz: int) -> Estimator:
+    """Joint Kalman filter for alpha, q and K (Sillence Theorem 1): window, expanding or fading memory."""
+    prior = settings.prior
+    config = LoopGainConfig(
+        memory=settings.memory,
+        window=settings.window,
+        forgetting=settings.forgetting,
+        smoothing=settings.smoothing,
+        bounds=(settings.bounds[0], settings.bounds[1]),
+        absolute=settings.input == "absolute",
+        alpha_disturbance_rad_s=settings.alpha_disturbance_deg_s * DEG,
+        q_disturbance_rad_s2=settings.q_disturbance_deg_s2 * DEG,
+        prior_from_measurement=prior.state == "measurement",
+        prior_alpha_rad=prior.alpha_deg * DEG,
+        prior_q_rad_s=prior.q_deg_s * DEG,
+        prior_alpha_var=(prior.alpha_std_deg * DEG) ** 2,
+        prior_q_var=(prior.q_std_deg_s * DEG) ** 2,
+        prior_effectiveness=prior.effectiveness,
+        prior_effectiveness_var=prior.effectiveness_std**2,
+    )
+    return LoopGain(config, design=design, noise=noise, control_hz=control_hz)

@@ -1,0 +1,59 @@
+"""fly(): sense, estimate, decide, act, record - a generator of Samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+from flightbed.command.base import Profile
+from flightbed.control.adaptation import Adaptation
+from flightbed.control.base import Law
+from flightbed.estimation.base import Estimator
+from flightbed.failures.effector import Effectiveness
+from flightbed.plant.base import Plant
+from flightbed.sensors import Sensors
+from flightbed.signals import Sample
+from flightbed.units import DEG
+
+DEPARTURE_RAD = 25.0 * DEG  # deviation of alpha from trim that counts as a departure
+
+
+@dataclass(frozen=True)
+class Flight:
+    """All parts of one flight, ready to fly once."""
+
+    plant: Plant
+    sensors: Sensors
+    profile: Profile
+    effectiveness: Effectiveness
+    law: Law
+    adaptation: Adaptation
+    estimators: Sequence[Estimator]
+    alpha_trim_rad: float
+
+
+def fly(flight: Flight) -> Iterator[Sample]:
+    """Fly, yielding one Sample per control tick; stops at the end of the profile or after the sample that departs."""
+    plant, sensors, law, adaptation = flight.plant, flight.sensors, flight.law, flight.adaptation
+    updates = [estimator.update for estimator in flight.estimators]
+    commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
+    hold = False
+    for tick, (q_cmd, q_ref) in enumerate(commands):
+        effectiveness = flight.effectiveness(tick)
+        truth = plant.sense()._replace(effectiveness=effectiveness)
+        measurement = sensors.read(tick, truth)
+
+        estimates = tuple([update(measurement) for update in updates])
+
+        believed = adaptation.believed(estimates[adaptation.estimator].effectiveness_smoothed) if estimates else 1.0
+        feedback = adaptation.elevator_feedback(measurement.elevator_rad, believed)
+        demand = law.demand(measurement, q_ref_rad_s=q_ref, elevator_rad=feedback, hold=hold)
+        command = adaptation.command(demand, believed)
+        hold = command != demand / believed
+
+        yield Sample(tick, q_cmd, q_ref, truth, measurement, estimates, command)
+        deviation = truth.alpha_rad - flight.alpha_trim_rad
+        if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth.q_rad_s):
+            return
+        plant.advance(command, effectiveness)

@@ -1,0 +1,132 @@
+"""Trace -> Metrics: how well it tracked, how well it estimated."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from math import isfinite, log10
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed.loop import DEPARTURE_RAD
+from flightbed.trace import Trace
+from flightbed.units import DEG
+
+Vector = npt.NDArray[np.float64]
+
+SETTLING_S = 0.3  # "post" starts this long after the failure: one window of the thesis
+_BAND = 0.2  # of the true K: the thesis's settling band
+
+
+@dataclass(frozen=True)
+class EstimatorMetrics:
+    """How one estimator did. Times count from the first failure; None where there is none, or it never happens.
+
+    Attributes:
+        final: last K-hat.
+        median_abs_error_post: median |K-hat - K| after the failure.
+        rms_error_smoothed_post: RMS error of the smoothed K-hat after the failure.
+        std_pre: standard deviation of K-hat before the failure.
+        first_within_20pct_s: first entry of K-hat into +-20 % of the true K.
+        first_within_20pct_smoothed_s: the same of the smoothed K-hat.
+        nis_mean: mean normalized innovation squared; 2 (the number of measurements) if the filter's model holds.
+        detected_at_s: when the estimator declared a failure; None for those without a test.
+
+    """
+
+    final: float
+    median_abs_error_post: float | None
+    rms_error_smoothed_post: float | None
+    std_pre: float
+    first_within_20pct_s: float | None
+    first_within_20pct_smoothed_s: float | None
+    nis_mean: float | None
+    detected_at_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """How one flight went.
+
+    Attributes:
+        departed: |alpha - alpha_trim| > 25 deg, or a state that is not finite.
+        departed_at_s: flight time of that; None if it did not.
+        tracking_rms_pre_deg_s, tracking_rms_post_deg_s: RMS of q - q_ref before the failure, and from 0.3 s after it.
+
+    """
+
+    departed: bool
+    departed_at_s: float | None
+    tracking_rms_pre_deg_s: float | None
+    tracking_rms_post_deg_s: float | None
+    estimators: dict[str, EstimatorMetrics]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return nested plain values, ready for JSON."""
+        return asdict(self)
+
+
+def measure(trace: Trace, *, alpha_trim_deg: float, failed_at_s: float | None) -> Metrics:
+    """Compute the metrics of a flight.
+
+    Args:
+        trace: the flight.
+        alpha_trim_deg: where departure counts from.
+        failed_at_s: time of the first failure; None for a flight without, all of which is then "pre".
+
+    """
+    t = trace["t_s"]
+    start = np.inf if failed_at_s is None else failed_at_s - 1e-9
+    pre, failed, post = t < start, t >= start, t >= start + SETTLING_S
+    last_alpha, last_q = float(trace["alpha_deg"][-1]), float(trace["q_deg_s"][-1])
+    departed = not (abs(last_alpha - alpha_trim_deg) <= DEPARTURE_RAD / DEG and isfinite(last_q))
+    error = trace["q_deg_s"] - trace["q_ref_deg_s"]
+    return Metrics(
+        departed=departed,
+        departed_at_s=float(t[-1]) if departed else None,
+        tracking_rms_pre_deg_s=_rms(error[pre]),
+        tracking_rms_post_deg_s=_rms(error[post]),
+        estimators={name: _estimator(trace, name, pre, failed, post) for name in trace.estimators},
+    )
+
+
+def _estimator(
+    trace: Trace, name: str, pre: npt.NDArray[np.bool_], failed: npt.NDArray[np.bool_], post: npt.NDArray[np.bool_]
+) -> EstimatorMetrics:
+    truth, estimate = trace["effectiveness_true"], trace[f"{name}.effectiveness"]
+    smoothed, nis, t = trace[f"{name}.effectiveness_smoothed"], trace[f"{name}.nis"], trace["t_s"]
+
+    def first_within(values: Vector) -> float | None:
+        inside = np.flatnonzero(failed & (np.abs(values - truth) <= _BAND * truth))
+        return round(float(t[inside[0]] - t[failed][0]), 9) if inside.size else None
+
+    return EstimatorMetrics(
+        final=float(estimate[-1]),
+        median_abs_error_post=_finite(np.median(np.abs(estimate - truth)[post])) if post.any() else None,
+        rms_error_smoothed_post=_rms((smoothed - truth)[post]),
+        std_pre=float(np.std(estimate[pre])) if pre.any() else 0.0,
+        first_within_20pct_s=first_within(estimate),
+        first_within_20pct_smoothed_s=first_within(smoothed),
+        nis_mean=_finite(np.mean(nis[1:])) if len(nis) > 1 else None,
+    )
+
+
+def _rms(values: Vector) -> float | None:
+    return _finite(np.sqrt(np.mean(values**2))) if values.size else None
+
+
+def _finite(value: np.floating[Any]) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def snr_db(
+    *, alpha_max: float, q_max: float, alpha_std: float, q_std: float, poles: npt.NDArray[np.complex128]
+) -> float:
+    """Return the signal-to-noise ratio of Sillence eq (82), dB; alpha and q in the same angle unit as their noise.
+
+    Pitch rate is weighted by w = 1/sqrt|p1 p2|, p the short-period poles, rad/s. None without a signal.
+    """
+    w2 = 1.0 / abs(poles[0] * poles[1])
+    signal = alpha_max**2 + w2 * q_max**2
+    return float(10.0 * log10(signal / (2.0 * (alpha_std**2 + w2 * q_std**2)))) if signal > 0.0 else None

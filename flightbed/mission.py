@@ -1,0 +1,240 @@
+"""Scenario -> Flight -> folder: puts the parts together, flies them, and writes what came of it, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import platform
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flightbed import factories, registry
+from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.command.base import profile
+from flightbed.control.adaptation import Adaptation
+from flightbed.control.base import Gains
+from flightbed.errors import NoTrimError, OutputError
+from flightbed.failures.effector import healthy
+from flightbed.linearize import LinearModel, linearize
+from flightbed.loop import Flight
+from flightbed.loop import fly as _fly
+from flightbed.metrics import Metrics, measure, snr_db
+from flightbed.plant.jsbsim import JsbsimAirframe, JsbsimPlant, Start
+from flightbed.scenario import Scenario
+from flightbed.sensors import Sensors, SensorNoise
+from flightbed.short_period import ShortPeriod, short_period
+from flightbed.signals import Sample
+from flightbed.trace import Trace, collect
+from flightbed.trim import TrimPoint, trim
+from flightbed.units import DEG, FT
+
+_FILES = ("scenario.toml", "trace.parquet", "metrics.json", "flight.rrd")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is known before take-off: the trimmed aircraft and the design that rests on it."""
+
+    scenario: Scenario
+    aircraft: Aircraft
+    trim: TrimPoint
+    model: LinearModel
+    design: ShortPeriod
+    gains: Gains
+
+
+@dataclass(frozen=True)
+class Result:
+    """A flown scenario.
+
+    Attributes:
+        folder: where it was written; None when it was not.
+        summary: what metrics.json holds.
+
+    """
+
+    plan: Plan
+    trace: Trace
+    metrics: Metrics
+    summary: dict[str, Any]
+    folder: Path | None = None
+
+
+def plan(scenario: Scenario) -> Plan:
+    """Trim, linearize and design. Raises AircraftError, NoTrimError, DesignError."""
+    aircraft = load_aircraft(scenario.aircraft.model)
+    condition = scenario.condition
+    airframe = JsbsimAirframe(
+        aircraft, mach=condition.mach, altitude_m=condition.altitude_ft * FT, cg_shift_cbar=scenario.aircraft.cg_shift_cbar
+    )
+    try:
+        point = trim(airframe)
+    except NoTrimError as error:
+        error.args = (f"no trim at Mach {condition.mach:.2f}, {condition.altitude_ft:.0f} ft: {error}",)
+        raise
+    model = linearize(airframe, point)
+    design = short_period(model, actuator_rad_s=aircraft.actuator.lag_rad_s)
+    return Plan(scenario, aircraft, point, model, design, factories.gains(scenario.control, design))
+
+
+def assemble(plan: Plan) -> Flight:
+    """Build all parts of one flight, on a fresh FDM; every random stream is spawned from the scenario's seed."""
+    scenario, aircraft, point, design = plan.scenario, plan.aircraft, plan.trim, plan.design
+    control_hz, ticks = scenario.rates.control_hz, scenario.ticks
+    sensor_seed, air_seed = np.random.SeedSequence(scenario.seed).spawn(2)  # append further consumers, never insert
+    sensors = scenario.sensors
+    noise = SensorNoise(sensors.alpha_std_deg * DEG, sensors.q_std_deg_s * DEG, sensors.elevator_std_deg * DEG)
+    effectiveness = healthy
+    for failure in scenario.failures:
+        effectiveness = registry.factory("failures", failure.kind)(failure, effectiveness, control_hz)
+    names = [estimator.name for estimator in scenario.estimators]
+    adaptation = scenario.adaptation
+    start = Start(scenario.condition.altitude_ft * FT, point.airspeed_m_s, point.alpha_rad, point.theta_rad,
+                  point.elevator_rad, point.throttle_norm)
+    return Flight(
+        plant=JsbsimPlant(
+            aircraft, start, control_hz=control_hz, plant_hz=scenario.rates.plant_hz,
+            cg_shift_cbar=scenario.aircraft.cg_shift_cbar, turbulence=scenario.atmosphere.turbulence,
+            seed=int(air_seed.generate_state(1)[0] >> 1),
+        ),
+        sensors=Sensors(noise, ticks=ticks, seed=sensor_seed),
+        profile=profile(registry.factory("commands", scenario.command.kind)(scenario.command), ticks=ticks,
+                        control_hz=control_hz, filter_rad_s=scenario.command.filter_rad_s),
+        effectiveness=effectiveness,
+        law=registry.factory("laws", scenario.control.law)(scenario.control, design, control_hz),
+        adaptation=Adaptation(
+            enabled=adaptation.enabled, estimator=names.index(adaptation.estimator) if adaptation.enabled else 0,
+            floor=adaptation.floor, feedback=adaptation.feedback,
+            min_rad=aircraft.actuator.min_rad, max_rad=aircraft.actuator.max_rad,
+        ),
+        estimators=[registry.factory("estimators", e.kind)(e, design, noise, control_hz) for e in scenario.estimators],
+        alpha_trim_rad=point.alpha_rad,
+    )
+
+
+def fly(scenario: Scenario) -> Iterator[Sample]:
+    """Trim, design and fly a scenario, yielding one Sample per control tick."""
+    return _fly(assemble(plan(scenario)))
+
+
+def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True) -> Result:
+    """Fly a scenario; with ``out``, leave a folder with scenario, trace, metrics and recording.
+
+    An ``out`` that holds an earlier run is replaced, whole, once the flight is done; any other folder that is not empty
+    is refused. Nothing is left behind when the flight is interrupted.
+
+    Args:
+        scenario: what to fly.
+        out: folder to write; None writes nothing.
+        rerun: whether the folder gets a Rerun recording.
+
+    Raises:
+        InputError, NotComputableError, as the parts do; OutputError when the folder cannot be written.
+
+    """
+    target = None if out is None else _checked(Path(out))
+    planned = plan(scenario)
+    flight = assemble(planned)
+    began = time.perf_counter()
+    trace = collect(_fly(flight), estimators=[e.name for e in scenario.estimators], control_hz=scenario.rates.control_hz)
+    wall = time.perf_counter() - began
+    metrics = measure(trace, alpha_trim_deg=planned.trim.alpha_rad / DEG, failed_at_s=first_failure_s(scenario))
+    result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall), target)
+    if target is not None:
+        _write(result, target, rerun=rerun)
+    return result
+
+
+def first_failure_s(scenario: Scenario) -> float | None:
+    """Return the time of the tick at which the first failure acts, or None."""
+    ticks = [factories.failure_tick(failure, scenario.rates.control_hz) for failure in scenario.failures]
+    return min(ticks) / scenario.rates.control_hz if ticks else None
+
+
+def free_folder(name: str) -> Path:
+    """Return the first of runs/NAME, runs/NAME-2, ... that does not exist."""
+    base = Path("runs") / name
+    number, candidate = 1, base
+    while candidate.exists():
+        number += 1
+        candidate = base.with_name(f"{name}-{number}")
+    return candidate
+
+
+def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[str, Any]:
+    scenario, design = plan.scenario, plan.design
+    flown_s = len(trace) / scenario.rates.control_hz
+    alpha = np.abs(trace["alpha_deg"] - plan.trim.alpha_rad / DEG)
+    before = trace["t_s"] < (first_failure_s(scenario) or np.inf)  # a failure at 0 leaves no "before": then all of it
+    q_max, alpha_max = (float(np.max(v[before])) for v in (np.abs(trace["q_deg_s"]), alpha))
+    return {
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        **metrics.to_dict(),
+        "snr_db": snr_db(alpha_max=alpha_max, q_max=q_max, alpha_std=scenario.sensors.alpha_std_deg,
+                         q_std=scenario.sensors.q_std_deg_s, poles=design.poles),
+        "failed_at_s": first_failure_s(scenario),
+        "flown_s": flown_s,
+        "trim": {"alpha_deg": plan.trim.alpha_rad / DEG, "elevator_deg": plan.trim.elevator_rad / DEG,
+                 "throttle_norm": plan.trim.throttle_norm, "residual": plan.trim.residual},
+        "short_period": {"A": design.A.tolist(), "b": design.b.tolist(),
+                         "poles_rad_s": [[p.real, p.imag] for p in design.poles.tolist()]},
+        "gains": {k: float(v) for k, v in vars(plan.gains).items()},
+        "aircraft_sha256": plan.aircraft.sha256,
+        "wall_time_s": wall_s,
+        "real_time_factor": flown_s / wall_s,
+        "versions": {"flightbed": version("flightbed"), "python": platform.python_version(),
+                     **{p: version(p) for p in ("jsbsim", "numpy", "scipy", "numba", "rerun-sdk")}},
+    }
+
+
+def _checked(target: Path) -> Path:
+    """Refuse a target that would lose something, and one that cannot be written, before flying."""
+    try:
+        if target.exists() and not target.is_dir():
+            raise OutputError(f"--out {target}: is a file; name a folder")
+        if target.is_dir():
+            strangers = sorted(p.name for p in target.iterdir() if p.name not in (*_FILES, "report.html"))
+            if strangers:
+                raise OutputError(f"--out {target}: holds '{strangers[0]}', which is not from a run; name a new folder")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryDirectory(dir=target.parent, prefix=".flightbed-").cleanup()
+    except OSError as error:
+        raise OutputError(f"--out {target}: cannot be written: {error.strerror}") from None
+    return target
+
+
+def _write(result: Result, target: Path, *, rerun: bool) -> None:
+    """Write beside the target and move into place: the folder appears whole or not at all."""
+    try:
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.", ignore_cleanup_errors=True) as scratch:
+            new = Path(scratch) / "new"
+            new.mkdir()
+            (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
+            (new / "metrics.json").write_text(json.dumps(result.summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+            result.trace.write(new / "trace.parquet")
+            if rerun:
+                from flightbed.telemetry import write_recording
+
+                write_recording(result, new / "flight.rrd")
+            if target.exists():
+                target.rename(Path(scratch) / "old")
+            new.rename(target)
+    except OSError as error:
+        raise OutputError(f"--out {target}: cannot be written: {error.strerror or error}") from None
+
+
+def folder_of(run_folder: str | Path) -> Path:
+    """Return a run's folder after checking that it is one. Raises OutputError."""
+    folder = Path(run_folder)
+    if not (folder / "metrics.json").is_file():
+        raise OutputError(f"{folder}: not a run's folder (no metrics.json)")
+    return folder
+
+

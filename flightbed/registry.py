@@ -1,0 +1,51 @@
+"""Names in a scenario -> the code behind them: a built-in table, and entry points of installed packages.
+
+A package adds its own by an entry point in the group ``flightbed.estimators`` (or ``laws``, ``commands``, ``failures``)
+that names a factory with the signature of the built-in ones in ``factories.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from types import MappingProxyType
+from typing import Any
+
+from flightbed.errors import UnknownNameError
+
+_BUILT_IN = MappingProxyType({
+    "commands": {"doublet": "doublet", "constant": "constant", "none": "none"},
+    "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral"},
+    "failures": {"effectiveness": "effectiveness"},
+    "estimators": {"loop-gain": "loop_gain"},
+})
+
+FAMILIES = tuple(_BUILT_IN)
+
+
+def names(family: str) -> tuple[str, ...]:
+    """Return the sorted names of a family."""
+    return tuple(sorted({*_BUILT_IN[family], *_installed(family)}))
+
+
+def factory(family: str, name: str) -> Callable[..., Any]:
+    """Return the factory behind a name. Raises UnknownNameError."""
+    if name in _BUILT_IN[family]:
+        built_in: Callable[..., Any] = getattr(import_module("flightbed.factories"), _BUILT_IN[family][name])
+        return built_in
+    if name in _installed(family):
+        loaded: Callable[..., Any] = _installed(family)[name].load()
+        return loaded
+    raise UnknownNameError(family.removesuffix("s"), name, names(family))
+
+
+def summary(family: str, name: str) -> str:
+    """Return the first line of a factory's docstring."""
+    return (factory(family, name).__doc__ or "").strip().partition("\n")[0]
+
+
+@cache
+def _installed(family: str) -> dict[str, Any]:
+    return {entry.name: entry for entry in entry_points(group=f"flightbed.{family}")}

@@ -1,0 +1,331 @@
+"""TOML -> frozen Scenario, with --set overrides; every problem is reported at once. The only module that imports pydantic."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+import tomli_w
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from flightbed import data, registry
+from flightbed.errors import ScenarioError, did_you_mean
+
+
+def _between(low: float, high: float, *, open_low: bool = False) -> AfterValidator:
+    def check(value: float) -> float:
+        if not (low < value if open_low else low <= value) or value > high:
+            text = f"must be above {low:g}" if high == float("inf") and open_low else (
+                f"must be at least {low:g}" if high == float("inf") else
+                f"must be above {low:g} and at most {high:g}" if open_low else f"must be between {low:g} and {high:g}")
+            raise PydanticCustomError("range", text)  # type: ignore[arg-type]  # a plain message is a valid template
+        return value
+
+    return AfterValidator(check)
+
+
+def _registered(family: str) -> AfterValidator:
+    def check(value: str) -> str:
+        known = registry.names(family)
+        if value not in known:
+            what, near = family.removesuffix("s"), did_you_mean(value, known)
+            raise PydanticCustomError("registered", "unknown {what}{near}; known: {known}",
+                                      {"what": what, "near": near, "known": ", ".join(known)})
+        return value
+
+    return AfterValidator(check)
+
+
+_INF = float("inf")
+Positive = Annotated[float, _between(0.0, _INF, open_low=True)]
+NonNegative = Annotated[float, _between(0.0, _INF)]
+Share = Annotated[float, _between(0.0, 1.0)]
+Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
+
+
+class AircraftSettings(_Table):
+    """Which aircraft; c.g. shift in mean chords, aft positive."""
+
+    model: str = "f16"
+    cg_shift_cbar: Annotated[float, _between(-0.5, 0.5)] = 0.0
+
+
+class Condition(_Table):
+    """Where the flight starts, trimmed."""
+
+    mach: Positive = 0.8
+    altitude_ft: Annotated[float, _between(0.0, 60000.0)] = 20000.0
+
+
+class Rates(_Table):
+    """The plant rate is an integer multiple of the control rate."""
+
+    control_hz: Annotated[int, _between(10, 1000)] = 100
+    plant_hz: Annotated[int, _between(10, 2000)] = 200
+
+    @model_validator(mode="after")
+    def _divide(self) -> Rates:
+        if self.plant_hz % self.control_hz:
+            raise PydanticCustomError(
+                "rates", "plant_hz must be an integer multiple of control_hz (got {p} and {c})",
+                {"p": self.plant_hz, "c": self.control_hz})
+        return self
+
+
+class Command(_Table):
+    """Pitch-rate command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
+
+    kind: Annotated[str, _registered("commands")] = "doublet"
+    amplitude_deg_s: float = 5.0
+    period_s: Positive = 4.5
+    count: Annotated[int, _between(0, 10000)] = 3
+    start_s: NonNegative = 0.0
+    filter_rad_s: NonNegative = 3.0
+
+
+class Sensors(_Table):
+    """Standard deviations of white noise, per tick."""
+
+    alpha_std_deg: Positive = 0.03
+    q_std_deg_s: Positive = 0.1108
+    elevator_std_deg: NonNegative = 0.0
+
+
+class Atmosphere(_Table):
+    """MIL-F-8785C turbulence."""
+
+    turbulence: Literal["none", "light", "moderate", "severe"] = "none"
+
+
+class Failure(_Table):
+    """Loss of effectiveness: from at_s on, the surface keeps the share `to`."""
+
+    kind: Annotated[str, _registered("failures")] = "effectiveness"
+    surface: Literal["elevator"] = "elevator"
+    at_s: NonNegative
+    to: Share
+
+
+class Control(_Table):
+    """The law; without poles, near those of Sillence's Table 3 (see docs/control.md)."""
+
+    law: Annotated[str, _registered("laws")] = "proportional"
+    poles: tuple[tuple[float, float], ...] | None = None
+    integral_pole_rad_s: Annotated[float, _between(-100.0, -1e-6)] = -0.5
+
+
+class Adaptation(_Table):
+    """Correction by 1/K-hat, from one of the estimators."""
+
+    enabled: bool = False
+    estimator: str = ""
+    floor: Annotated[float, _between(0.0, 1.0, open_low=True)] = 0.08
+    feedback: Literal["effective", "position"] = "effective"
+
+
+class Prior(_Table):
+    """What a filter starts from; state = "measurement" starts alpha and q from the readings."""
+
+    state: Literal["measurement", "fixed"] = "measurement"
+    alpha_deg: float = 0.0
+    q_deg_s: float = 0.0
+    alpha_std_deg: Positive = 1.0
+    q_std_deg_s: Positive = 1.0
+    effectiveness: Share = 1.0
+    effectiveness_std: Positive = 0.63
+
+
+class EstimatorSettings(_Table):
+    """One estimator; several may run side by side, at most one adapts."""
+
+    name: Identifier
+    kind: Annotated[str, _registered("estimators")] = "loop-gain"
+    model: Literal["short-period"] = "short-period"
+    input: Literal["absolute", "deviation"] = "absolute"
+    memory: Literal["window", "expanding", "fading"] = "window"
+    window: Annotated[int, _between(2, 10000)] = 30
+    forgetting: Annotated[float, _between(0.0, 1.0, open_low=True)] = 0.98
+    smoothing: Annotated[float, _between(0.0, 0.9999)] = 0.9
+    bounds: tuple[float, float] = (0.0, 1.0)
+    alpha_disturbance_deg_s: NonNegative = 0.6
+    q_disturbance_deg_s2: NonNegative = 6.0
+    prior: Prior = Prior()
+
+    @model_validator(mode="after")
+    def _ordered(self) -> EstimatorSettings:
+        if self.bounds[0] >= self.bounds[1]:
+            raise PydanticCustomError("bounds", "bounds must rise (got {b})", {"b": list(self.bounds)})
+        return self
+
+
+class Scenario(_Table):
+    """One flight, completely."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    name: Identifier
+    description: str = ""
+    duration_s: Annotated[float, _between(0.0, 36000.0, open_low=True)]
+    seed: Annotated[int, _between(0, 2**63)] = 0
+    aircraft: AircraftSettings = AircraftSettings()
+    condition: Condition = Condition()
+    rates: Rates = Rates()
+    command: Command = Command()
+    sensors: Sensors = Sensors()
+    atmosphere: Atmosphere = Atmosphere()
+    failures: tuple[Failure, ...] = ()
+    control: Control = Control()
+    adaptation: Adaptation = Adaptation()
+    estimators: tuple[EstimatorSettings, ...] = ()
+
+    @property
+    def ticks(self) -> int:
+        """Number of control ticks."""
+        return round(self.duration_s * self.rates.control_hz)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scenario:
+        problems = []
+        if abs(self.duration_s * self.rates.control_hz - self.ticks) > 1e-6 or self.ticks < 1:
+            problems.append(f"duration_s: must be a whole number of ticks of 1/{self.rates.control_hz} s (got {self.duration_s:g})")
+        problems += [f"failures.{i}.at_s: must be before the flight ends at {self.duration_s:g} s (got {failure.at_s:g})"
+                     for i, failure in enumerate(self.failures) if failure.at_s >= self.duration_s]
+        names = [estimator.name for estimator in self.estimators]
+        problems += [f"estimators.{i}.name: must be unique (got '{name}' twice)"
+                     for i, name in enumerate(names) if name in names[:i]]
+        if self.adaptation.enabled and self.adaptation.estimator not in names:
+            problems.append(f"adaptation.estimator: no estimator is named '{self.adaptation.estimator}'"
+                            f"{did_you_mean(self.adaptation.estimator, names)}; there is: {', '.join(names) or 'none'}")
+        if problems:
+            raise PydanticCustomError("consistency", "{problems}", {"problems": "\n".join(problems)})
+        return self
+
+    def to_toml(self) -> str:
+        """Return the scenario with every key written out."""
+        return tomli_w.dumps(self.model_dump(mode="json", by_alias=True, exclude_none=True))
+
+
+def load_scenario(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:
+    """Read a scenario: a path, a shipped name, or a mapping; then apply overrides like ``"failures.0.to=0.35"``.
+
+    Raises UnknownNameError when there is no such scenario, ScenarioError with every problem otherwise.
+    """
+    if isinstance(source, Mapping):
+        place, raw = "scenario", dict(source)
+    else:
+        path = data.find("scenario", str(source))
+        place = _shown(path)
+        try:
+            raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            raise ScenarioError([f"{place}: cannot be read: {error}"]) from None
+        except tomllib.TOMLDecodeError as error:
+            raise ScenarioError([f"{place}: not TOML: {error}"]) from None
+    overridden: dict[str, Any] = {}
+    for override in overrides:
+        key, equals, value = override.partition("=")
+        if not equals:
+            raise ScenarioError([f"--set {override}: must be KEY=VALUE, for example --set failures.0.to=0.35"])
+        raw = _replaced(raw, key.split("."), _toml_value(value), f"--set {override}")
+        overridden[key] = value
+    try:
+        return Scenario.model_validate(_frozen(raw))
+    except ValidationError as error:
+        raise ScenarioError(_problems(error, place, overridden)) from None
+
+
+def _frozen(value: Any) -> Any:
+    """Return nested lists as tuples: strict validation takes no list for a tuple."""
+    if isinstance(value, Mapping):
+        return {key: _frozen(inner) for key, inner in value.items()}
+    return tuple(map(_frozen, value)) if isinstance(value, list | tuple) else value
+
+
+def _shown(path: Path) -> str:
+    return f"scenarios/{path.name}" if path.parent == data.shipped("scenario") else str(path)
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        try:
+            return float(text)  # ".5" and "1." are numbers to everyone but TOML
+        except ValueError:
+            return text
+
+
+def _replaced(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
+    """Return a copy of a nested structure with one value replaced; tables on the way are made as needed."""
+    key, rest = keys[0], keys[1:]
+    missing: Any = [] if rest and rest[0].isdigit() else {}
+    if isinstance(node, list):
+        if not key.isdigit() or int(key) > len(node):
+            raise ScenarioError([f"{place}: '{key}' must be an index from 0 to {len(node)} ({len(node)} adds one)"])
+        index = int(key)
+        old = node[index] if index < len(node) else missing
+        return [*node[:index], _replaced(old, rest, value, place) if rest else value, *node[index + 1 :]]
+    if not isinstance(node, dict):
+        raise ScenarioError([f"{place}: '{key}': there is no table here to reach into"])
+    return {**node, key: _replaced(node.get(key, missing), rest, value, place) if rest else value}
+
+
+def _problems(error: ValidationError, place: str, overridden: Mapping[str, Any]) -> list[str]:
+    problems = []
+    for item in error.errors(include_url=False):
+        key = ".".join(str(part) for part in item["loc"])
+        where = f"--set {key}" if key in overridden else f"{place}: {key}"
+        if item["type"] == "consistency":
+            problems += [f"{place}: {line}" for line in item["msg"].splitlines()]
+        elif item["type"] == "extra_forbidden":
+            known = _known_keys(item["loc"][:-1])
+            hint = did_you_mean(str(item["loc"][-1]), known) or f"; known: {', '.join(known)}"
+            problems.append(f"{place}: unknown key {key}{hint}")
+        else:
+            message = _MESSAGES.get(item["type"], _plain)(item)
+            got = "" if item["type"] in ("missing", "rates", "bounds") else f" (got {_brief(item['input'])})"
+            problems.append(f"{where}: {message}{got}")
+    return problems
+
+
+def _known_keys(loc: Sequence[int | str]) -> list[str]:
+    """Return the keys of the table at a place in the scenario."""
+    model: Any = Scenario
+    for part in loc:
+        if isinstance(part, int):
+            continue
+        field = next(f for n, f in model.model_fields.items() if part in (n, f.alias))
+        inner = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type) and issubclass(a, BaseModel)]
+        model = inner[0]
+    return [f.alias or n for n, f in model.model_fields.items()]
+
+
+def _brief(value: Any) -> str:
+    text = re.sub(r"[()]", lambda m: "[" if m[0] == "(" else "]", repr(value).replace(",)", ")")) if isinstance(value, tuple) else repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _plain(item: Any) -> str:
+    text: str = item["msg"]
+    return re.sub(r"^Input should be", "must be", text[:1].upper() + text[1:]) if text.startswith("Input") else text
+
+
+_MESSAGES: dict[str, Callable[[Any], str]] = {
+    "missing": lambda _: "is missing",
+    "string_pattern_mismatch": lambda _: "must be letters, digits, - and _, and start with a letter or digit",
+    "model_type": lambda _: "must be a table",
+    "float_type": lambda _: "must be a number",
+    "int_type": lambda _: "must be a whole number",
+    "bool_type": lambda _: "must be true or false",
+    "string_type": lambda _: "must be a string",
+    "finite_number": lambda _: "must be finite",
+    "too_long": lambda item: f"must have {item['ctx']['max_length']} values",
+    "tuple_type": lambda _: "must be a list",
+}

@@ -1,0 +1,75 @@
+"""LinearModel -> ShortPeriod, the design model: (alpha, q), elevator, and the actuator as a third state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import expm
+
+from flightbed.linearize import LinearModel
+
+Matrix = npt.NDArray[np.float64]
+Vector = npt.NDArray[np.float64]
+
+
+class Discrete(NamedTuple):
+    """x+ = A x + b u over one period; A (n, n), b (n,)."""
+
+    A: Matrix
+    b: Vector
+
+
+@dataclass(frozen=True)
+class ShortPeriod:
+    """Short-period motion in deviations from trim: x' = A x + K b u, x = (alpha, q). SI, radians.
+
+    Attributes:
+        A: (2, 2), [[Z_alpha, Z_q], [M_alpha, M_q]], 1/s and 1.
+        b: (2,), [Z_delta, M_delta], per rad of elevator.
+        actuator_rad_s: bandwidth of the first-order actuator.
+        alpha_trim_rad, elevator_trim_rad: the trim that deviations count from.
+
+    """
+
+    A: Matrix
+    b: Vector
+    actuator_rad_s: float
+    alpha_trim_rad: float = 0.0
+    elevator_trim_rad: float = 0.0
+
+    @property
+    def poles(self) -> npt.NDArray[np.complex128]:
+        """Open-loop poles of the bare short period, rad/s."""
+        return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
+
+    def with_actuator(self, effectiveness: float = 1.0) -> tuple[Matrix, Vector]:
+        """Return (A, b) of x = (alpha, q, elevator) with the commanded elevator as input (Sillence S 3.1)."""
+        lag = self.actuator_rad_s
+        A = np.zeros((3, 3))
+        A[:2, :2] = self.A
+        A[:2, 2] = effectiveness * self.b
+        A[2, 2] = -lag
+        return A, np.array([0.0, 0.0, lag])
+
+    def discrete(self, hz: float) -> Discrete:
+        """Return the zero-order-hold equivalent for the surface position as input, actuator left out."""
+        return zero_order_hold(self.A, self.b, 1.0 / hz)
+
+
+def short_period(model: LinearModel, *, actuator_rad_s: float) -> ShortPeriod:
+    """Take the short-period model out of a longitudinal linear model; speed and attitude are frozen."""
+    A, B = model.part(("alpha", "q"), ("elevator",))
+    return ShortPeriod(A, B[:, 0], actuator_rad_s, model.trim.alpha_rad, model.trim.elevator_rad)
+
+
+def zero_order_hold(A: Matrix, b: Vector, period_s: float) -> Discrete:
+    """Discretize x' = A x + b u for an input held over the period, by one matrix exponential of [[A, b], [0, 0]]."""
+    n = A.shape[0]
+    block = np.zeros((n + 1, n + 1))
+    block[:n, :n] = A * period_s
+    block[:n, n] = b * period_s
+    transition = expm(block)
+    return Discrete(transition[:n, :n], transition[:n, n])

@@ -1,0 +1,85 @@
+"""The values that flow through the loop, one per control tick. SI and radians; what is noise-free is only in Truth.
+
+Signs: body axes forward-right-down; alpha, theta, q positive nose up; elevator positive trailing edge down;
+nz is 1 in level flight.
+
+They are named tuples, not dataclasses: immutable all the same, and a flight makes four of them at every tick.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Truth(NamedTuple):
+    """What the plant knows. Goes to sensors and trace, never to a law or an estimator.
+
+    Attributes:
+        elevator_mean_rad: mean deflection that moved the aircraft over the control period that ends at this tick.
+        effectiveness: share of the elevator's deflection that still acts, from this tick on.
+
+    """
+
+    alpha_rad: float
+    q_rad_s: float
+    theta_rad: float
+    phi_rad: float
+    psi_rad: float
+    airspeed_m_s: float
+    mach: float
+    altitude_m: float
+    north_m: float
+    east_m: float
+    nz_g: float
+    elevator_rad: float
+    elevator_mean_rad: float
+    effectiveness: float
+
+
+class Measurement(NamedTuple):
+    """What the flight computer knows: the sensors' readings.
+
+    Attributes:
+        elevator_rad: surface position feedback at this tick.
+        elevator_mean_rad: the same transducer, averaged over the control period that ends at this tick.
+
+    """
+
+    alpha_rad: float
+    q_rad_s: float
+    elevator_rad: float
+    elevator_mean_rad: float
+
+
+class Estimate(NamedTuple):
+    """What an estimator says at a tick.
+
+    Attributes:
+        effectiveness: K-hat after the bounds.
+        effectiveness_std: its standard deviation, from the filter's covariance.
+        effectiveness_smoothed: first-order smoothing of ``effectiveness``.
+        effectiveness_raw: K-hat before the bounds.
+        alpha_rad, q_rad_s: the state.
+        nis: normalized innovation squared; chi-square with as many degrees of freedom as measurements (2) if the model holds.
+
+    """
+
+    effectiveness: float
+    effectiveness_std: float
+    effectiveness_smoothed: float
+    effectiveness_raw: float
+    alpha_rad: float
+    q_rad_s: float
+    nis: float
+
+
+class Sample(NamedTuple):
+    """All of one control tick, as the recorder sees it."""
+
+    tick: int
+    q_cmd_rad_s: float
+    q_ref_rad_s: float
+    truth: Truth
+    measurement: Measurement
+    estimates: tuple[Estimate, ...]
+    elevator_cmd_rad: float
