@@ -16,6 +16,7 @@ import numpy as np
 
 from flightbed import factories, registry
 from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.card import events, run_card
 from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Gains
@@ -220,14 +221,23 @@ def _write(result: Result, target: Path, *, rerun: bool) -> None:
             (new / "metrics.json").write_text(json.dumps(result.summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
             result.trace.write(new / "trace.parquet")
             if rerun:
-                from flightbed.telemetry import write_recording
-
-                write_recording(result, new / "flight.rrd")
+                _record(result, new / "flight.rrd")
             if target.exists():
                 target.rename(Path(scratch) / "old")
             new.rename(target)
     except OSError as error:
         raise OutputError(f"--out {target}: cannot be written: {error.strerror or error}") from None
+
+
+def _record(result: Result, path: Path) -> None:
+    from flightbed.telemetry import Event, write_recording  # slow to import
+
+    scenario, summary = result.plan.scenario, result.summary
+    happened = events(scenario, result.trace, summary, result.plan.aircraft.actuator)
+    write_recording(
+        path, result.trace, name=f"{scenario.name} seed {scenario.seed}", card=run_card(scenario, summary),
+        events=[Event(*event) for event in happened], failed_at_s=summary["failed_at_s"],
+    )
 
 
 def folder_of(run_folder: str | Path) -> Path:

@@ -1,0 +1,71 @@
+"""A simple fighter of our own, for the eye only: vertices in body axes (forward-right-down), metres, about the c.g."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+_GREY, _DARK, _CANOPY, _BLUE, _RED = (150, 158, 168), (104, 112, 122), (60, 90, 120), (86, 140, 190), (214, 122, 60)
+
+
+class Mesh(NamedTuple):
+    """Triangles: vertices (n, 3) m, faces (m, 3) indices, colours (n, 3) 0-255."""
+
+    vertices: npt.NDArray[np.float32]
+    faces: npt.NDArray[np.uint32]
+    colors: npt.NDArray[np.uint8]
+
+
+HINGE = (-6.0, 0.0, 0.0)  # the stabilators turn about the y axis through this point
+
+
+def airframe() -> Mesh:
+    """Fuselage, canopy, intake, cropped delta wing, fin."""
+    # station x, half width, half height, centre z
+    body = [(8.2, 0.02, 0.02, 0.0), (6.6, 0.42, 0.42, 0.0), (4.2, 0.62, 0.72, 0.05), (1.0, 0.85, 0.85, 0.1),
+            (-3.0, 0.85, 0.75, 0.05), (-6.6, 0.55, 0.55, 0.0), (-7.2, 0.45, 0.45, 0.0)]
+    canopy = [(4.6, 0.05, 0.05, -0.6), (3.6, 0.4, 0.4, -0.75), (2.4, 0.42, 0.45, -0.75), (0.8, 0.1, 0.1, -0.7)]
+    intake = [(3.4, 0.5, 0.35, 0.85), (0.0, 0.5, 0.3, 0.75), (-3.0, 0.2, 0.1, 0.6)]
+    parts = [_loft(body, _GREY), _loft(canopy, _CANOPY), _loft(intake, _DARK)]
+    parts += [_plate([(2.2, s * 0.7, 0.0), (-1.0, s * 4.7, 0.0), (-2.0, s * 4.7, 0.0), (-2.2, s * 0.7, 0.0)], _BLUE)
+              for s in (-1, 1)]
+    parts.append(_plate([(-3.0, 0.0, -0.7), (-6.2, 0.0, -3.4), (-7.2, 0.0, -3.4), (-6.2, 0.0, -0.5)], _BLUE))
+    return _join(parts)
+
+
+def stabilators() -> Mesh:
+    """Both halves of the horizontal tail, about the hinge."""
+    return _join([_plate([(1.0, s * 0.5, 0.0), (-0.6, s * 2.8, 0.0), (-1.3, s * 2.8, 0.0), (-1.2, s * 0.5, 0.0)], _RED)
+                  for s in (-1, 1)])
+
+
+def _loft(stations: list[tuple[float, float, float, float]], color: tuple[int, int, int], around: int = 12) -> Mesh:
+    angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
+    rings = [np.column_stack([np.full(around, x), w * np.cos(angle), z + h * np.sin(angle)]) for x, w, h, z in stations]
+    faces = []
+    for ring in range(len(stations) - 1):
+        for i in range(around):
+            a, b = ring * around + i, ring * around + (i + 1) % around
+            faces += [(a, b, a + around), (b, b + around, a + around)]
+    vertices = np.vstack(rings).astype(np.float32)
+    # Lighter above than below: without normals the viewer shades nothing.
+    light = 1.0 - 0.18 * np.sign(vertices[:, 2])
+    colors = np.clip(np.outer(light, color), 0, 255).astype(np.uint8)
+    return Mesh(vertices, np.array(faces, dtype=np.uint32), colors)
+
+
+def _plate(corners: list[tuple[float, float, float]], color: tuple[int, int, int]) -> Mesh:
+    n = len(corners)
+    faces = [(0, i, i + 1) for i in range(1, n - 1)] + [(0, i + 1, i) for i in range(1, n - 1)]
+    return Mesh(np.array(corners, dtype=np.float32), np.array(faces, dtype=np.uint32), np.tile(np.uint8(color), (n, 1)))
+
+
+def _join(parts: list[Mesh]) -> Mesh:
+    offsets = np.cumsum([0, *(len(p.vertices) for p in parts[:-1])])
+    return Mesh(
+        np.vstack([p.vertices for p in parts]),
+        np.vstack([p.faces + np.uint32(o) for p, o in zip(parts, offsets, strict=True)]).astype(np.uint32),
+        np.vstack([p.colors for p in parts]),
+    )
