@@ -91,13 +91,21 @@ class Aircraft:
             except (KeyError, ET.ParseError, _EditError) as error:
                 reason = f"needs {error}" if isinstance(error, KeyError) else str(error)
                 raise AircraftError(f"aircraft {self.name}: edits.{number} ({edit.get('do')}): {reason}") from None
-        return ET.tostring(root, encoding="utf-8")
+        return ET.tostring(root, encoding="unicode").encode()
 
     @cached_property
     def sha256(self) -> str:
         """Hash of everything that defines this aircraft: stock model, edits and numbers."""
-        text = repr((self.stock_sha256, self.actuator, self.limits, sorted(self.properties.items()),
-                     [sorted(e.items()) for e in self.edits], sorted(self.snippets.items())))
+        text = repr(
+            (
+                self.stock_sha256,
+                self.actuator,
+                self.limits,
+                sorted(self.properties.items()),
+                [sorted(e.items()) for e in self.edits],
+                sorted(self.snippets.items()),
+            )
+        )
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -115,8 +123,11 @@ def load_aircraft(name: str) -> Aircraft:
         numbers |= {key.replace("_deg", "_rad"): value * DEG for key, value in numbers.items() if "_deg" in key}
         fill = {key: repr(value) for key, value in numbers.items()}
         edits = tuple(_filled(edit, fill) for edit in raw["edits"])
-        snippets = {edit["with"]: Template((folder / Path(edit["with"]).name).read_text(encoding="utf-8")).substitute(fill)
-                    for edit in edits if "with" in edit}
+        snippets = {
+            edit["with"]: Template((folder / Path(edit["with"]).name).read_text(encoding="utf-8")).substitute(fill)
+            for edit in edits
+            if "with" in edit
+        }
         alpha, throttle = raw["limits"]["alpha_deg"], raw["limits"]["throttle_norm"]
         return Aircraft(
             name=raw["name"],

@@ -20,9 +20,15 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
         f"| {_show(m['first_within_20pct_s'], '.2f')} | {_show(m['nis_mean'], '.2f')} |\n"
         for name, m in summary["estimators"].items()
     )
-    failures = "\n".join(f"- {f.at_s:g} s: {f.surface} keeps {f.to:.0%} of its effect" for f in scenario.failures) or "- none"
+    failures = (
+        "\n".join(f"- {f.at_s:g} s: {f.surface} keeps {f.to:.0%} of its effect" for f in scenario.failures) or "- none"
+    )
     adapts = f"1/K from `{scenario.adaptation.estimator}`" if scenario.adaptation.enabled else "off"
-    outcome = f"**departed at {summary['departed_at_s']:.2f} s**" if summary["departed"] else f"flown to {summary['flown_s']:g} s"
+    outcome = (
+        f"**departed at {summary['departed_at_s']:.2f} s**"
+        if summary["departed"]
+        else f"flown to {summary['flown_s']:g} s"
+    )
     return (
         f"# {scenario.name}\n\n{scenario.description}\n\n"
         f"**{scenario.aircraft.model}**, Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft, seed {scenario.seed}: {outcome}\n\n"
@@ -31,15 +37,21 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
         f"- tracking RMS: {_show(summary['tracking_rms_pre_deg_s'], '.2f')} deg/s before, "
         f"{_show(summary['tracking_rms_post_deg_s'], '.2f')} deg/s after the failure\n\n"
         f"Failures\n{failures}\n\n"
-        f"| estimator | median abs error | smoothed RMS error | within 20 % after, s | mean NIS (2) |\n|---|---|---|---|---|\n{estimators}\n"
+        f"| estimator | median abs. error | smoothed RMS error "
+        f"| within 20 % after, s | mean NIS (2) |\n|---|---|---|---|---|\n{estimators}\n"
         f"flightbed {summary['versions']['flightbed']}, JSBSim {summary['versions']['jsbsim']}\n"
     )
 
 
-def events(scenario: Scenario, trace: Trace, summary: dict[str, Any], actuator: Actuator) -> list[tuple[float, str, bool]]:
+def events(
+    scenario: Scenario, trace: Trace, summary: dict[str, Any], actuator: Actuator
+) -> list[tuple[float, str, bool]]:
     """Return (time in s, text, severe) of what happened, in order of time."""
-    happened = [(f.at_s, f"FAILURE: {f.surface} keeps {f.to:.0%} of its effect", True)
-                for f in scenario.failures if f.at_s <= trace["t_s"][-1]]
+    happened = [
+        (f.at_s, f"FAILURE: {f.surface} keeps {f.to:.0%} of its effect", True)
+        for f in scenario.failures
+        if f.at_s <= trace["t_s"][-1]
+    ]
     failed_at = summary["failed_at_s"]
     for name, m in summary["estimators"].items():
         if m["first_within_20pct_s"] is not None:

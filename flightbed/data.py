@@ -13,14 +13,19 @@ _PACKAGE = Path(__file__).resolve().parent
 def shipped(kind: str) -> Path:
     """Return the folder of shipped data of a kind, ``"aircraft"`` or ``"scenario"``."""
     installed = _PACKAGE / f"{kind}_data"
-    return installed if installed.is_dir() else _PACKAGE.parent / {"aircraft": "aircraft", "scenario": "scenarios"}[kind]
+    return (
+        installed if installed.is_dir() else _PACKAGE.parent / {"aircraft": "aircraft", "scenario": "scenarios"}[kind]
+    )
 
 
 def names(kind: str) -> Iterator[str]:
     """Yield the names of shipped aircraft or scenarios, sorted."""
     folder = shipped(kind)
-    found = (p.parent.name for p in folder.glob("*/aircraft.toml")) if kind == "aircraft" else (
-        p.stem for p in folder.glob("*.toml"))
+    found = (
+        (p.parent.name for p in folder.glob("*/aircraft.toml"))
+        if kind == "aircraft"
+        else (p.stem for p in folder.glob("*.toml"))
+    )
     yield from sorted(found)
 
 
@@ -36,4 +41,4 @@ def find(kind: str, name: str) -> Path:
     candidate = shipped(kind) / (name if kind == "aircraft" else f"{name}.toml")
     if Path(name).name == name and (candidate / marker).is_file():
         return candidate
-    raise UnknownNameError(f"{kind} (neither a shipped name nor a path)", name, names(kind))
+    raise UnknownNameError(kind, name, names(kind), also=" (neither a shipped name nor a path)")

@@ -45,10 +45,12 @@ class ScenarioError(InputError):
 class UnknownNameError(InputError):
     """Nothing is registered under a name."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, known: Iterable[str], *, also: str = "") -> None:
         self.name = name
         self.known = tuple(sorted(known))
-        super().__init__(f"unknown {kind} '{name}'{did_you_mean(name, self.known)}; known: {', '.join(self.known)}")
+        super().__init__(
+            f"unknown {kind} '{name}'{also}{did_you_mean(name, self.known)}; known: {', '.join(self.known)}"
+        )
 
 
 class AircraftError(InputError):

@@ -23,8 +23,12 @@ from flightbed.units import DEG
 
 def doublet(settings: s.Command) -> Command:
     """Doublets of +-amplitude_deg_s, each period_s long, count of them from start_s on."""
-    return _doublet(amplitude_rad_s=settings.amplitude_deg_s * DEG, period_s=settings.period_s, count=settings.count,
-                    start_s=settings.start_s)
+    return _doublet(
+        amplitude_rad_s=settings.amplitude_deg_s * DEG,
+        period_s=settings.period_s,
+        count=settings.count,
+        start_s=settings.start_s,
+    )
 
 
 def constant(settings: s.Command) -> Command:
@@ -47,13 +51,19 @@ def gains(settings: s.Control, design: ShortPeriod) -> Gains:
 
 def proportional(settings: s.Control, design: ShortPeriod, _control_hz: int) -> Law:
     """Feedback of alpha, q and elevator, prefilter gain for unit DC gain (Sillence S 3.2)."""
-    return Proportional(gains(settings, design), alpha_trim_rad=design.alpha_trim_rad, elevator_trim_rad=design.elevator_trim_rad)
+    return Proportional(
+        gains(settings, design), alpha_trim_rad=design.alpha_trim_rad, elevator_trim_rad=design.elevator_trim_rad
+    )
 
 
 def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: int) -> Law:
-    """The proportional law plus the integral of the pitch-rate error (Sillence S 3.3)."""
-    return ProportionalIntegral(gains(settings, design), alpha_trim_rad=design.alpha_trim_rad,
-                                elevator_trim_rad=design.elevator_trim_rad, control_hz=control_hz)
+    """Add to the proportional law the integral of the pitch-rate error (Sillence S 3.3)."""
+    return ProportionalIntegral(
+        gains(settings, design),
+        alpha_trim_rad=design.alpha_trim_rad,
+        elevator_trim_rad=design.elevator_trim_rad,
+        control_hz=control_hz,
+    )
 
 
 def effectiveness(settings: s.Failure, before: Effectiveness, control_hz: int) -> Effectiveness:

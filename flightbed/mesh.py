@@ -24,21 +24,34 @@ HINGE = (-6.0, 0.0, 0.0)  # the stabilators turn about the y axis through this p
 def airframe() -> Mesh:
     """Fuselage, canopy, intake, cropped delta wing, fin."""
     # station x, half width, half height, centre z
-    body = [(8.2, 0.02, 0.02, 0.0), (6.6, 0.42, 0.42, 0.0), (4.2, 0.62, 0.72, 0.05), (1.0, 0.85, 0.85, 0.1),
-            (-3.0, 0.85, 0.75, 0.05), (-6.6, 0.55, 0.55, 0.0), (-7.2, 0.45, 0.45, 0.0)]
+    body = [
+        (8.2, 0.02, 0.02, 0.0),
+        (6.6, 0.42, 0.42, 0.0),
+        (4.2, 0.62, 0.72, 0.05),
+        (1.0, 0.85, 0.85, 0.1),
+        (-3.0, 0.85, 0.75, 0.05),
+        (-6.6, 0.55, 0.55, 0.0),
+        (-7.2, 0.45, 0.45, 0.0),
+    ]
     canopy = [(4.6, 0.05, 0.05, -0.6), (3.6, 0.4, 0.4, -0.75), (2.4, 0.42, 0.45, -0.75), (0.8, 0.1, 0.1, -0.7)]
     intake = [(3.4, 0.5, 0.35, 0.85), (0.0, 0.5, 0.3, 0.75), (-3.0, 0.2, 0.1, 0.6)]
     parts = [_loft(body, _GREY), _loft(canopy, _CANOPY), _loft(intake, _DARK)]
-    parts += [_plate([(2.2, s * 0.7, 0.0), (-1.0, s * 4.7, 0.0), (-2.0, s * 4.7, 0.0), (-2.2, s * 0.7, 0.0)], _BLUE)
-              for s in (-1, 1)]
+    parts += [
+        _plate([(2.2, s * 0.7, 0.0), (-1.0, s * 4.7, 0.0), (-2.0, s * 4.7, 0.0), (-2.2, s * 0.7, 0.0)], _BLUE)
+        for s in (-1, 1)
+    ]
     parts.append(_plate([(-3.0, 0.0, -0.7), (-6.2, 0.0, -3.4), (-7.2, 0.0, -3.4), (-6.2, 0.0, -0.5)], _BLUE))
     return _join(parts)
 
 
 def stabilators() -> Mesh:
     """Both halves of the horizontal tail, about the hinge."""
-    return _join([_plate([(1.0, s * 0.5, 0.0), (-0.6, s * 2.8, 0.0), (-1.3, s * 2.8, 0.0), (-1.2, s * 0.5, 0.0)], _RED)
-                  for s in (-1, 1)])
+    return _join(
+        [
+            _plate([(1.0, s * 0.5, 0.0), (-0.6, s * 2.8, 0.0), (-1.3, s * 2.8, 0.0), (-1.2, s * 0.5, 0.0)], _RED)
+            for s in (-1, 1)
+        ]
+    )
 
 
 def _loft(stations: list[tuple[float, float, float, float]], color: tuple[int, int, int], around: int = 12) -> Mesh:
@@ -59,7 +72,11 @@ def _loft(stations: list[tuple[float, float, float, float]], color: tuple[int, i
 def _plate(corners: list[tuple[float, float, float]], color: tuple[int, int, int]) -> Mesh:
     n = len(corners)
     faces = [(0, i, i + 1) for i in range(1, n - 1)] + [(0, i + 1, i) for i in range(1, n - 1)]
-    return Mesh(np.array(corners, dtype=np.float32), np.array(faces, dtype=np.uint32), np.tile(np.uint8(color), (n, 1)))
+    return Mesh(
+        np.array(corners, dtype=np.float32),
+        np.array(faces, dtype=np.uint32),
+        np.tile(np.array(color, dtype=np.uint8), (n, 1)),
+    )
 
 
 def _join(parts: list[Mesh]) -> Mesh:

@@ -38,7 +38,7 @@ class EstimatorMetrics:
     final: float
     median_abs_error_post: float | None
     rms_error_smoothed_post: float | None
-    std_pre: float
+    std_pre: float | None
     first_within_20pct_s: float | None
     first_within_20pct_smoothed_s: float | None
     nis_mean: float | None
@@ -105,7 +105,7 @@ def _estimator(
         final=float(estimate[-1]),
         median_abs_error_post=_finite(np.median(np.abs(estimate - truth)[post])) if post.any() else None,
         rms_error_smoothed_post=_rms((smoothed - truth)[post]),
-        std_pre=float(np.std(estimate[pre])) if pre.any() else 0.0,
+        std_pre=float(np.std(estimate[pre])) if pre.any() else None,
         first_within_20pct_s=first_within(estimate),
         first_within_20pct_smoothed_s=first_within(smoothed),
         nis_mean=_finite(np.mean(nis[1:])) if len(nis) > 1 else None,
@@ -116,13 +116,13 @@ def _rms(values: Vector) -> float | None:
     return _finite(np.sqrt(np.mean(values**2))) if values.size else None
 
 
-def _finite(value: np.floating[Any]) -> float | None:
+def _finite(value: float | np.floating[Any]) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
 def snr_db(
     *, alpha_max: float, q_max: float, alpha_std: float, q_std: float, poles: npt.NDArray[np.complex128]
-) -> float:
+) -> float | None:
     """Return the signal-to-noise ratio of Sillence eq (82), dB; alpha and q in the same angle unit as their noise.
 
     Pitch rate is weighted by w = 1/sqrt|p1 p2|, p the short-period poles, rad/s. None without a signal.

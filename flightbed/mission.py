@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import platform
-import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,26 +14,24 @@ import numpy as np
 
 from flightbed import factories, registry
 from flightbed.aircraft import Aircraft, load_aircraft
-from flightbed.card import events, run_card
 from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Gains
-from flightbed.errors import NoTrimError, OutputError
+from flightbed.errors import NoTrimError
 from flightbed.failures.effector import healthy
+from flightbed.folder import check_target, write_run
 from flightbed.linearize import LinearModel, linearize
 from flightbed.loop import Flight
 from flightbed.loop import fly as _fly
 from flightbed.metrics import Metrics, measure, snr_db
 from flightbed.plant.jsbsim import JsbsimAirframe, JsbsimPlant, Start
 from flightbed.scenario import Scenario
-from flightbed.sensors import Sensors, SensorNoise
+from flightbed.sensors import SensorNoise, Sensors
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.signals import Sample
 from flightbed.trace import Trace, collect
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT
-
-_FILES = ("scenario.toml", "trace.parquet", "metrics.json", "flight.rrd")
 
 
 @dataclass(frozen=True)
@@ -72,7 +68,10 @@ def plan(scenario: Scenario) -> Plan:
     aircraft = load_aircraft(scenario.aircraft.model)
     condition = scenario.condition
     airframe = JsbsimAirframe(
-        aircraft, mach=condition.mach, altitude_m=condition.altitude_ft * FT, cg_shift_cbar=scenario.aircraft.cg_shift_cbar
+        aircraft,
+        mach=condition.mach,
+        altitude_m=condition.altitude_ft * FT,
+        cg_shift_cbar=scenario.aircraft.cg_shift_cbar,
     )
     try:
         point = trim(airframe)
@@ -96,23 +95,40 @@ def assemble(plan: Plan) -> Flight:
         effectiveness = registry.factory("failures", failure.kind)(failure, effectiveness, control_hz)
     names = [estimator.name for estimator in scenario.estimators]
     adaptation = scenario.adaptation
-    start = Start(scenario.condition.altitude_ft * FT, point.airspeed_m_s, point.alpha_rad, point.theta_rad,
-                  point.elevator_rad, point.throttle_norm)
+    start = Start(
+        scenario.condition.altitude_ft * FT,
+        point.airspeed_m_s,
+        point.alpha_rad,
+        point.theta_rad,
+        point.elevator_rad,
+        point.throttle_norm,
+    )
     return Flight(
         plant=JsbsimPlant(
-            aircraft, start, control_hz=control_hz, plant_hz=scenario.rates.plant_hz,
-            cg_shift_cbar=scenario.aircraft.cg_shift_cbar, turbulence=scenario.atmosphere.turbulence,
+            aircraft,
+            start,
+            control_hz=control_hz,
+            plant_hz=scenario.rates.plant_hz,
+            cg_shift_cbar=scenario.aircraft.cg_shift_cbar,
+            turbulence=scenario.atmosphere.turbulence,
             seed=int(air_seed.generate_state(1)[0] >> 1),
         ),
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed),
-        profile=profile(registry.factory("commands", scenario.command.kind)(scenario.command), ticks=ticks,
-                        control_hz=control_hz, filter_rad_s=scenario.command.filter_rad_s),
+        profile=profile(
+            registry.factory("commands", scenario.command.kind)(scenario.command),
+            ticks=ticks,
+            control_hz=control_hz,
+            filter_rad_s=scenario.command.filter_rad_s,
+        ),
         effectiveness=effectiveness,
         law=registry.factory("laws", scenario.control.law)(scenario.control, design, control_hz),
         adaptation=Adaptation(
-            enabled=adaptation.enabled, estimator=names.index(adaptation.estimator) if adaptation.enabled else 0,
-            floor=adaptation.floor, feedback=adaptation.feedback,
-            min_rad=aircraft.actuator.min_rad, max_rad=aircraft.actuator.max_rad,
+            enabled=adaptation.enabled,
+            estimator=names.index(adaptation.estimator) if adaptation.enabled else 0,
+            floor=adaptation.floor,
+            feedback=adaptation.feedback,
+            min_rad=aircraft.actuator.min_rad,
+            max_rad=aircraft.actuator.max_rad,
         ),
         estimators=[registry.factory("estimators", e.kind)(e, design, noise, control_hz) for e in scenario.estimators],
         alpha_trim_rad=point.alpha_rad,
@@ -139,16 +155,18 @@ def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True
         InputError, NotComputableError, as the parts do; OutputError when the folder cannot be written.
 
     """
-    target = None if out is None else _checked(Path(out))
+    target = None if out is None else check_target(Path(out))
     planned = plan(scenario)
     flight = assemble(planned)
     began = time.perf_counter()
-    trace = collect(_fly(flight), estimators=[e.name for e in scenario.estimators], control_hz=scenario.rates.control_hz)
+    trace = collect(
+        _fly(flight), estimators=[e.name for e in scenario.estimators], control_hz=scenario.rates.control_hz
+    )
     wall = time.perf_counter() - began
     metrics = measure(trace, alpha_trim_deg=planned.trim.alpha_rad / DEG, failed_at_s=first_failure_s(scenario))
     result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall), target)
     if target is not None:
-        _write(result, target, rerun=rerun)
+        write_run(result, target, rerun=rerun)
     return result
 
 
@@ -156,16 +174,6 @@ def first_failure_s(scenario: Scenario) -> float | None:
     """Return the time of the tick at which the first failure acts, or None."""
     ticks = [factories.failure_tick(failure, scenario.rates.control_hz) for failure in scenario.failures]
     return min(ticks) / scenario.rates.control_hz if ticks else None
-
-
-def free_folder(name: str) -> Path:
-    """Return the first of runs/NAME, runs/NAME-2, ... that does not exist."""
-    base = Path("runs") / name
-    number, candidate = 1, base
-    while candidate.exists():
-        number += 1
-        candidate = base.with_name(f"{name}-{number}")
-    return candidate
 
 
 def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[str, Any]:
@@ -178,73 +186,33 @@ def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[
         "scenario": scenario.name,
         "seed": scenario.seed,
         **metrics.to_dict(),
-        "snr_db": snr_db(alpha_max=alpha_max, q_max=q_max, alpha_std=scenario.sensors.alpha_std_deg,
-                         q_std=scenario.sensors.q_std_deg_s, poles=design.poles),
+        "snr_db": snr_db(
+            alpha_max=alpha_max,
+            q_max=q_max,
+            alpha_std=scenario.sensors.alpha_std_deg,
+            q_std=scenario.sensors.q_std_deg_s,
+            poles=design.poles,
+        ),
         "failed_at_s": first_failure_s(scenario),
         "flown_s": flown_s,
-        "trim": {"alpha_deg": plan.trim.alpha_rad / DEG, "elevator_deg": plan.trim.elevator_rad / DEG,
-                 "throttle_norm": plan.trim.throttle_norm, "residual": plan.trim.residual},
-        "short_period": {"A": design.A.tolist(), "b": design.b.tolist(),
-                         "poles_rad_s": [[p.real, p.imag] for p in design.poles.tolist()]},
+        "trim": {
+            "alpha_deg": plan.trim.alpha_rad / DEG,
+            "elevator_deg": plan.trim.elevator_rad / DEG,
+            "throttle_norm": plan.trim.throttle_norm,
+            "residual": plan.trim.residual,
+        },
+        "short_period": {
+            "A": design.A.tolist(),
+            "b": design.b.tolist(),
+            "poles_rad_s": [[p.real, p.imag] for p in design.poles.tolist()],
+        },
         "gains": {k: float(v) for k, v in vars(plan.gains).items()},
         "aircraft_sha256": plan.aircraft.sha256,
         "wall_time_s": wall_s,
         "real_time_factor": flown_s / wall_s,
-        "versions": {"flightbed": version("flightbed"), "python": platform.python_version(),
-                     **{p: version(p) for p in ("jsbsim", "numpy", "scipy", "numba", "rerun-sdk")}},
+        "versions": {
+            "flightbed": version("flightbed"),
+            "python": platform.python_version(),
+            **{p: version(p) for p in ("jsbsim", "numpy", "scipy", "numba", "rerun-sdk")},
+        },
     }
-
-
-def _checked(target: Path) -> Path:
-    """Refuse a target that would lose something, and one that cannot be written, before flying."""
-    try:
-        if target.exists() and not target.is_dir():
-            raise OutputError(f"--out {target}: is a file; name a folder")
-        if target.is_dir():
-            strangers = sorted(p.name for p in target.iterdir() if p.name not in (*_FILES, "report.html"))
-            if strangers:
-                raise OutputError(f"--out {target}: holds '{strangers[0]}', which is not from a run; name a new folder")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryDirectory(dir=target.parent, prefix=".flightbed-").cleanup()
-    except OSError as error:
-        raise OutputError(f"--out {target}: cannot be written: {error.strerror}") from None
-    return target
-
-
-def _write(result: Result, target: Path, *, rerun: bool) -> None:
-    """Write beside the target and move into place: the folder appears whole or not at all."""
-    try:
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.", ignore_cleanup_errors=True) as scratch:
-            new = Path(scratch) / "new"
-            new.mkdir()
-            (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
-            (new / "metrics.json").write_text(json.dumps(result.summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-            result.trace.write(new / "trace.parquet")
-            if rerun:
-                _record(result, new / "flight.rrd")
-            if target.exists():
-                target.rename(Path(scratch) / "old")
-            new.rename(target)
-    except OSError as error:
-        raise OutputError(f"--out {target}: cannot be written: {error.strerror or error}") from None
-
-
-def _record(result: Result, path: Path) -> None:
-    from flightbed.telemetry import Event, write_recording  # slow to import
-
-    scenario, summary = result.plan.scenario, result.summary
-    happened = events(scenario, result.trace, summary, result.plan.aircraft.actuator)
-    write_recording(
-        path, result.trace, name=f"{scenario.name} seed {scenario.seed}", card=run_card(scenario, summary),
-        events=[Event(*event) for event in happened], failed_at_s=summary["failed_at_s"],
-    )
-
-
-def folder_of(run_folder: str | Path) -> Path:
-    """Return a run's folder after checking that it is one. Raises OutputError."""
-    folder = Path(run_folder)
-    if not (folder / "metrics.json").is_file():
-        raise OutputError(f"{folder}: not a run's folder (no metrics.json)")
-    return folder
-
-

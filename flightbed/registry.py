@@ -15,12 +15,14 @@ from typing import Any
 
 from flightbed.errors import UnknownNameError
 
-_BUILT_IN = MappingProxyType({
-    "commands": {"doublet": "doublet", "constant": "constant", "none": "none"},
-    "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral"},
-    "failures": {"effectiveness": "effectiveness"},
-    "estimators": {"loop-gain": "loop_gain"},
-})
+_BUILT_IN = MappingProxyType(
+    {
+        "commands": {"doublet": "doublet", "constant": "constant", "none": "none"},
+        "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral"},
+        "failures": {"effectiveness": "effectiveness"},
+        "estimators": {"loop-gain": "loop_gain"},
+    }
+)
 
 FAMILIES = tuple(_BUILT_IN)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -14,15 +14,24 @@ from pydantic_core import PydanticCustomError
 
 from flightbed import data, registry
 from flightbed.errors import ScenarioError, did_you_mean
+from flightbed.override import override
 
 
 def _between(low: float, high: float, *, open_low: bool = False) -> AfterValidator:
     def check(value: float) -> float:
         if not (low < value if open_low else low <= value) or value > high:
-            text = f"must be above {low:g}" if high == float("inf") and open_low else (
-                f"must be at least {low:g}" if high == float("inf") else
-                f"must be above {low:g} and at most {high:g}" if open_low else f"must be between {low:g} and {high:g}")
-            raise PydanticCustomError("range", text)  # type: ignore[arg-type]  # a plain message is a valid template
+            text = (
+                f"must be above {low:g}"
+                if high == float("inf") and open_low
+                else (
+                    f"must be at least {low:g}"
+                    if high == float("inf")
+                    else f"must be above {low:g} and at most {high:g}"
+                    if open_low
+                    else f"must be between {low:g} and {high:g}"
+                )
+            )
+            raise PydanticCustomError("range", text)
         return value
 
     return AfterValidator(check)
@@ -33,8 +42,11 @@ def _registered(family: str) -> AfterValidator:
         known = registry.names(family)
         if value not in known:
             what, near = family.removesuffix("s"), did_you_mean(value, known)
-            raise PydanticCustomError("registered", "unknown {what}{near}; known: {known}",
-                                      {"what": what, "near": near, "known": ", ".join(known)})
+            raise PydanticCustomError(
+                "registered",
+                "unknown {what}{near}; known: {known}",
+                {"what": what, "near": near, "known": ", ".join(known)},
+            )
         return value
 
     return AfterValidator(check)
@@ -75,8 +87,10 @@ class Rates(_Table):
     def _divide(self) -> Rates:
         if self.plant_hz % self.control_hz:
             raise PydanticCustomError(
-                "rates", "plant_hz must be an integer multiple of control_hz (got {p} and {c})",
-                {"p": self.plant_hz, "c": self.control_hz})
+                "rates",
+                "plant_hz must be an integer multiple of control_hz (got {p} and {c})",
+                {"p": self.plant_hz, "c": self.control_hz},
+            )
         return self
 
 
@@ -194,15 +208,25 @@ class Scenario(_Table):
     def _consistent(self) -> Scenario:
         problems = []
         if abs(self.duration_s * self.rates.control_hz - self.ticks) > 1e-6 or self.ticks < 1:
-            problems.append(f"duration_s: must be a whole number of ticks of 1/{self.rates.control_hz} s (got {self.duration_s:g})")
-        problems += [f"failures.{i}.at_s: must be before the flight ends at {self.duration_s:g} s (got {failure.at_s:g})"
-                     for i, failure in enumerate(self.failures) if failure.at_s >= self.duration_s]
+            problems.append(
+                f"duration_s: must be a whole number of ticks of 1/{self.rates.control_hz} s (got {self.duration_s:g})"
+            )
+        problems += [
+            f"failures.{i}.at_s: must be before the flight ends at {self.duration_s:g} s (got {failure.at_s:g})"
+            for i, failure in enumerate(self.failures)
+            if failure.at_s >= self.duration_s
+        ]
         names = [estimator.name for estimator in self.estimators]
-        problems += [f"estimators.{i}.name: must be unique (got '{name}' twice)"
-                     for i, name in enumerate(names) if name in names[:i]]
+        problems += [
+            f"estimators.{i}.name: must be unique (got '{name}' twice)"
+            for i, name in enumerate(names)
+            if name in names[:i]
+        ]
         if self.adaptation.enabled and self.adaptation.estimator not in names:
-            problems.append(f"adaptation.estimator: no estimator is named '{self.adaptation.estimator}'"
-                            f"{did_you_mean(self.adaptation.estimator, names)}; there is: {', '.join(names) or 'none'}")
+            problems.append(
+                f"adaptation.estimator: no estimator is named '{self.adaptation.estimator}'"
+                f"{did_you_mean(self.adaptation.estimator, names)}; there is: {', '.join(names) or 'none'}"
+            )
         if problems:
             raise PydanticCustomError("consistency", "{problems}", {"problems": "\n".join(problems)})
         return self
@@ -218,7 +242,8 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Sequence[st
     Raises UnknownNameError when there is no such scenario, ScenarioError with every problem otherwise.
     """
     if isinstance(source, Mapping):
-        place, raw = "scenario", dict(source)
+        place = "scenario"
+        raw: Mapping[str, Any] = source
     else:
         path = data.find("scenario", str(source))
         place = _shown(path)
@@ -228,13 +253,7 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Sequence[st
             raise ScenarioError([f"{place}: cannot be read: {error}"]) from None
         except tomllib.TOMLDecodeError as error:
             raise ScenarioError([f"{place}: not TOML: {error}"]) from None
-    overridden: dict[str, Any] = {}
-    for override in overrides:
-        key, equals, value = override.partition("=")
-        if not equals:
-            raise ScenarioError([f"--set {override}: must be KEY=VALUE, for example --set failures.0.to=0.35"])
-        raw = _replaced(raw, key.split("."), _toml_value(value), f"--set {override}")
-        overridden[key] = value
+    raw, overridden = override(raw, overrides)
     try:
         return Scenario.model_validate(_frozen(raw))
     except ValidationError as error:
@@ -252,32 +271,7 @@ def _shown(path: Path) -> str:
     return f"scenarios/{path.name}" if path.parent == data.shipped("scenario") else str(path)
 
 
-def _toml_value(text: str) -> Any:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        try:
-            return float(text)  # ".5" and "1." are numbers to everyone but TOML
-        except ValueError:
-            return text
-
-
-def _replaced(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
-    """Return a copy of a nested structure with one value replaced; tables on the way are made as needed."""
-    key, rest = keys[0], keys[1:]
-    missing: Any = [] if rest and rest[0].isdigit() else {}
-    if isinstance(node, list):
-        if not key.isdigit() or int(key) > len(node):
-            raise ScenarioError([f"{place}: '{key}' must be an index from 0 to {len(node)} ({len(node)} adds one)"])
-        index = int(key)
-        old = node[index] if index < len(node) else missing
-        return [*node[:index], _replaced(old, rest, value, place) if rest else value, *node[index + 1 :]]
-    if not isinstance(node, dict):
-        raise ScenarioError([f"{place}: '{key}': there is no table here to reach into"])
-    return {**node, key: _replaced(node.get(key, missing), rest, value, place) if rest else value}
-
-
-def _problems(error: ValidationError, place: str, overridden: Mapping[str, Any]) -> list[str]:
+def _problems(error: ValidationError, place: str, overridden: Container[str]) -> list[str]:
     problems = []
     for item in error.errors(include_url=False):
         key = ".".join(str(part) for part in item["loc"])
@@ -302,13 +296,21 @@ def _known_keys(loc: Sequence[int | str]) -> list[str]:
         if isinstance(part, int):
             continue
         field = next(f for n, f in model.model_fields.items() if part in (n, f.alias))
-        inner = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type) and issubclass(a, BaseModel)]
+        inner = [
+            a
+            for a in (field.annotation, *get_args(field.annotation))
+            if isinstance(a, type) and issubclass(a, BaseModel)
+        ]
         model = inner[0]
     return [f.alias or n for n, f in model.model_fields.items()]
 
 
 def _brief(value: Any) -> str:
-    text = re.sub(r"[()]", lambda m: "[" if m[0] == "(" else "]", repr(value).replace(",)", ")")) if isinstance(value, tuple) else repr(value)
+    text = (
+        re.sub(r"[()]", lambda m: "[" if m[0] == "(" else "]", repr(value).replace(",)", ")"))
+        if isinstance(value, tuple)
+        else repr(value)
+    )
     return text if len(text) <= 40 else text[:37] + "..."
 
 

@@ -24,16 +24,26 @@ TIMELINE = "time"
 _TRAIL_TICKS = 10  # one piece of the trail
 
 # The same colour for the same thing everywhere; from Okabe and Ito's palette, readable on light and dark.
-_REFERENCE, _ACTUAL, _COMMAND, _TRUTH, _FAILURE = [0, 158, 115], [86, 150, 220], [230, 159, 0], [204, 121, 167], [213, 94, 0]
+_REFERENCE, _ACTUAL, _COMMAND, _TRUTH, _FAILURE = (
+    [0, 158, 115],
+    [86, 150, 220],
+    [230, 159, 0],
+    [204, 121, 167],
+    [213, 94, 0],
+)
 _ESTIMATES = ([86, 150, 220], [230, 159, 0], [0, 158, 115], [150, 150, 150])
 
 # view -> lines: (entity, label with unit, column, colour)
 _PLOTS: dict[str, list[tuple[str, str, str, list[int]]]] = {
-    "Pitch rate, deg/s": [("pitch_rate/reference", "q reference, deg/s", "q_ref_deg_s", _REFERENCE),
-                          ("pitch_rate/actual", "q, deg/s", "q_deg_s", _ACTUAL)],
+    "Pitch rate, deg/s": [
+        ("pitch_rate/reference", "q reference, deg/s", "q_ref_deg_s", _REFERENCE),
+        ("pitch_rate/actual", "q, deg/s", "q_deg_s", _ACTUAL),
+    ],
     "Angle of attack, deg": [("alpha/actual", "alpha, deg", "alpha_deg", _ACTUAL)],
-    "Elevator, deg": [("elevator/command", "elevator command, deg", "elevator_cmd_deg", _COMMAND),
-                      ("elevator/position", "elevator, deg", "elevator_deg", _ACTUAL)],
+    "Elevator, deg": [
+        ("elevator/command", "elevator command, deg", "elevator_cmd_deg", _COMMAND),
+        ("elevator/position", "elevator, deg", "elevator_deg", _ACTUAL),
+    ],
     "Mach": [("mach/actual", "Mach", "mach", _ACTUAL)],
     "Altitude, ft": [("altitude/actual", "altitude, ft", "altitude_ft", _ACTUAL)],
 }
@@ -48,7 +58,9 @@ class Event:
     severe: bool = False
 
 
-def write_recording(path: Path, trace: Trace, *, name: str, card: str, events: Sequence[Event], failed_at_s: float | None) -> None:
+def write_recording(
+    path: Path, trace: Trace, *, name: str, card: str, events: Sequence[Event], failed_at_s: float | None
+) -> None:
     """Write a flight's recording, whole columns at a time, with its layout.
 
     Args:
@@ -98,9 +110,13 @@ def _mark(recording: rr.RecordingStream, entity: str, trace: Trace, column: str,
     """Put a diamond on a line where the failure happens."""
     if at_s is None or at_s > trace["t_s"][-1]:
         return
-    recording.log(entity, rr.SeriesPoints(names="failure", colors=_FAILURE, markers="Diamond", marker_sizes=7), static=True)
+    recording.log(
+        entity, rr.SeriesPoints(names="failure", colors=_FAILURE, markers="Diamond", marker_sizes=7), static=True
+    )
     at = np.searchsorted(trace["t_s"], at_s - 1e-9)
-    recording.send_columns(entity, indexes=_time(trace["t_s"][[at]]), columns=rr.Scalars.columns(scalars=trace[column][[at]]))
+    recording.send_columns(
+        entity, indexes=_time(trace["t_s"][[at]]), columns=rr.Scalars.columns(scalars=trace[column][[at]])
+    )
 
 
 def _lines(recording: rr.RecordingStream, trace: Trace, failed_at_s: float | None) -> None:
@@ -114,11 +130,16 @@ def _lines(recording: rr.RecordingStream, trace: Trace, failed_at_s: float | Non
 def _effectiveness(recording: rr.RecordingStream, trace: Trace, failed_at_s: float | None) -> None:
     for i, name in enumerate(trace.estimators):
         color, entity = _ESTIMATES[min(i, len(_ESTIMATES) - 1)], f"effectiveness/{name}"
-        recording.log(entity, rr.Measurements.from_fields(names=f"K {name} +-2 sigma", colors=color, units="-"), static=True)
+        recording.log(
+            entity, rr.Measurements.from_fields(names=f"K {name} +-2 sigma", colors=color, units="-"), static=True
+        )
         # The band is drawn at one standard deviation of the given variance: four times the variance makes it two.
         variances = 4.0 * trace[f"{name}.effectiveness_std"] ** 2
-        recording.send_columns(entity, indexes=_time(trace["t_s"]), columns=rr.Measurements.columns(
-            values=trace[f"{name}.effectiveness"], variances=variances))
+        recording.send_columns(
+            entity,
+            indexes=_time(trace["t_s"]),
+            columns=rr.Measurements.columns(values=trace[f"{name}.effectiveness"], variances=variances),
+        )
         _line(recording, f"{entity}_smoothed", f"K {name}, smoothed", color, trace, f"{name}.effectiveness_smoothed")
     _line(recording, "effectiveness/true", "K true", _TRUTH, trace, "effectiveness_true")
     _mark(recording, "effectiveness/failure", trace, "effectiveness_true", failed_at_s)
@@ -132,23 +153,39 @@ def _aircraft(recording: rr.RecordingStream, trace: Trace) -> None:
     recording.log("world/cg/attitude/airframe", _mesh(mesh.airframe()), static=True)
     recording.log("world/cg/attitude/stabilators", _mesh(mesh.stabilators()), static=True)
     recording.send_columns("world/cg", indexes=_time(t), columns=rr.Transform3D.columns(translation=position))
-    recording.send_columns("world/cg/attitude", indexes=_time(t), columns=rr.Transform3D.columns(
-        quaternion=_quaternions(trace["phi_deg"] * DEG, trace["theta_deg"] * DEG, trace["psi_deg"] * DEG)))
+    recording.send_columns(
+        "world/cg/attitude",
+        indexes=_time(t),
+        columns=rr.Transform3D.columns(
+            quaternion=_quaternions(trace["phi_deg"] * DEG, trace["theta_deg"] * DEG, trace["psi_deg"] * DEG)
+        ),
+    )
     # Trailing edge down is nose down about the hinge: a rotation by -elevator about the y axis.
     half = -0.5 * trace["elevator_deg"] * DEG
     turn = np.column_stack([np.zeros_like(half), np.sin(half), np.zeros_like(half), np.cos(half)])
-    recording.send_columns("world/cg/attitude/stabilators", indexes=_time(t), columns=rr.Transform3D.columns(
-        translation=np.tile(np.float32(mesh.HINGE), (len(t), 1)), quaternion=turn))
+    recording.send_columns(
+        "world/cg/attitude/stabilators",
+        indexes=_time(t),
+        columns=rr.Transform3D.columns(
+            translation=np.tile(np.array(mesh.HINGE, dtype=np.float32), (len(t), 1)), quaternion=turn
+        ),
+    )
     starts = np.arange(0, len(t) - _TRAIL_TICKS, _TRAIL_TICKS)
     if starts.size:
         recording.log("world/trail", rr.LineStrips3D.from_fields(colors=_ACTUAL, radii=0.25), static=True)
-        recording.send_columns("world/trail", indexes=_time(t[starts + _TRAIL_TICKS]), columns=rr.LineStrips3D.columns(
-            strips=[position[i : i + _TRAIL_TICKS + 1] for i in starts]))
+        recording.send_columns(
+            "world/trail",
+            indexes=_time(t[starts + _TRAIL_TICKS]),
+            columns=rr.LineStrips3D.columns(strips=[position[i : i + _TRAIL_TICKS + 1] for i in starts]),
+        )
 
 
 def _events(recording: rr.RecordingStream, events: Sequence[Event], failed_at_s: float | None) -> None:
-    recording.log("mode/elevator", rr.StateConfiguration(values=["healthy", "failed"], colors=[0x009E73FF, 0xD55E00FF]),
-                  static=True)
+    recording.log(
+        "mode/elevator",
+        rr.StateConfiguration(values=["healthy", "failed"], colors=[0x009E73FF, 0xD55E00FF]),
+        static=True,
+    )
     recording.set_time(TIMELINE, duration=0.0)
     recording.log("mode/elevator", rr.StateChange(state="healthy"))
     if failed_at_s is not None:
@@ -169,24 +206,46 @@ def _quaternions(
 ) -> npt.NDArray[np.float64]:
     """Return (n, 4) quaternions xyzw of body to NED from yaw, pitch, roll; rad."""
     cr, sr, cp, sp, cy, sy = (f(a / 2.0) for a in (phi, theta, psi) for f in (np.cos, np.sin))
-    return np.column_stack([sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy,
-                            cr * cp * cy + sr * sp * sy])
+    return np.column_stack(
+        [
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
+        ]
+    )
 
 
 def _blueprint(trace: Trace) -> rrb.Blueprint:
     def plot(name: str, origin: str, axis: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
         return rrb.TimeSeriesView(
-            name=name, origin=f"/{origin}", axis_x=rrb.TimeAxis(link="LinkToGlobal"), axis_y=axis,
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop), time_ranges=_all_time(rrb.TimeRangeBoundary.infinite()))
+            name=name,
+            origin=f"/{origin}",
+            axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+            axis_y=axis,
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+            time_ranges=_all_time(rrb.TimeRangeBoundary.infinite()),
+        )
 
     top = max([1.2, *(float(np.nanmax(trace[f"{n}.effectiveness_smoothed"])) + 0.1 for n in trace.estimators)])
     plots = {name: plot(name, lines[0][0].partition("/")[0]) for name, lines in _PLOTS.items()}
-    gain = plot("Elevator effectiveness K", "effectiveness", rrb.ScalarAxis(range=(-0.1, min(top, 2.0)), zoom_lock=True))
+    gain = plot(
+        "Elevator effectiveness K", "effectiveness", rrb.ScalarAxis(range=(-0.1, min(top, 2.0)), zoom_lock=True)
+    )
     chase = rrb.Spatial3DView(
-        name="Chase view", origin="/world/cg", contents="/world/**", background=[18, 22, 30],
-        eye_controls=rrb.EyeControls3D(kind="Orbital", position=[-24, 16, -10], look_target=[0, 0, 0], eye_up=[0, 0, -1]),
-        line_grid=rrb.LineGrid3D(visible=False), time_ranges=_all_time(rrb.TimeRangeBoundary.cursor_relative()))
-    words = rrb.Tabs(rrb.TextDocumentView(name="Run card", origin="/run_card"), rrb.TextLogView(name="Events", origin="/events"))
+        name="Chase view",
+        origin="/world/cg",
+        contents="/world/**",
+        background=[18, 22, 30],
+        eye_controls=rrb.EyeControls3D(
+            kind="Orbital", position=[-24, 16, -10], look_target=[0, 0, 0], eye_up=[0, 0, -1]
+        ),
+        line_grid=rrb.LineGrid3D(visible=False),
+        time_ranges=_all_time(rrb.TimeRangeBoundary.cursor_relative()),
+    )
+    words = rrb.Tabs(
+        rrb.TextDocumentView(name="Run card", origin="/run_card"), rrb.TextLogView(name="Events", origin="/events")
+    )
     mode = rrb.StateTimelineView(name="Mode", origin="/mode", time_view=rrb.TimeAxis(link="LinkToGlobal"))
     air = rrb.Horizontal(plots["Mach"], plots["Altitude, ft"])
     return rrb.Blueprint(
@@ -196,7 +255,10 @@ def _blueprint(trace: Trace) -> rrb.Blueprint:
             column_shares=[2, 3],
         ),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),
-        rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed"), auto_views=False, auto_layout=False,
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_views=False,
+        auto_layout=False,
     )
 
 

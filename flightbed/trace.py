@@ -102,7 +102,9 @@ def read_trace(path: str | Path) -> Trace:
     except (OSError, pa.ArrowInvalid) as error:
         raise OutputError(f"{path}: not a trace: {error}") from None
     names = (table.schema.metadata or {}).get(b"estimators", b"").decode()
-    return Trace({name: table.column(name).to_numpy() for name in table.column_names}, tuple(n for n in names.split(",") if n))
+    return Trace(
+        {name: table.column(name).to_numpy() for name in table.column_names}, tuple(n for n in names.split(",") if n)
+    )
 
 
 def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz: int) -> Trace:
@@ -123,7 +125,10 @@ def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz:
 
 
 def _columns(
-    rows: Sequence[tuple[float, ...]], fields: tuple[str, ...], wanted: Mapping[str, tuple[str, float]], prefix: str = ""
+    rows: Sequence[tuple[float, ...]],
+    fields: tuple[str, ...],
+    wanted: Mapping[str, tuple[str, float]],
+    prefix: str = "",
 ) -> dict[str, Vector]:
     values = np.array(rows, dtype=np.float64).reshape(len(rows), len(fields))
     return {prefix + column: values[:, fields.index(field)] * factor for column, (field, factor) in wanted.items()}

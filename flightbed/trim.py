@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +19,12 @@ Residual = Callable[[Vector], Vector]
 
 _TOLERANCE = 1e-10  # largest residual of an accepted trim (g, g, rad/s^2); the contract promises 1e-8
 _STEP = np.array([1e-5, 1e-5, 1e-5])  # of the Jacobian: rad, rad, throttle
-_STARTS = ((2.0, -1.0, 0.25), (10.0, -2.0, 0.3), (20.0, -2.0, 0.5), (0.0, -1.0, 0.6))  # alpha deg, elevator deg, throttle
+_STARTS = (
+    (2.0, -1.0, 0.25),
+    (10.0, -2.0, 0.3),
+    (20.0, -2.0, 0.5),
+    (0.0, -1.0, 0.6),
+)  # alpha deg, elevator deg, throttle
 _EQUATIONS = ("speed", "lift", "pitch")
 _UNITS = ("g", "g", "rad/s^2")
 
@@ -78,7 +84,9 @@ def trim(airframe: Airframe, *, gamma_rad: float = 0.0) -> TrimPoint:
             continue
         if np.all((lower <= x) & (x <= upper)):
             worst = float(np.max(np.abs(residual(x))))
-            return TrimPoint(airframe.airspeed_m_s, float(x[0]), float(x[0] + gamma_rad), float(x[1]), float(x[2]), worst)
+            return TrimPoint(
+                airframe.airspeed_m_s, float(x[0]), float(x[0] + gamma_rad), float(x[1]), float(x[2]), worst
+            )
         outside = x
     raise _no_trim(residual, lower, upper, outside)
 
@@ -125,8 +133,13 @@ def _newton(residual: Residual, x: Vector) -> Vector | None:
 def _no_trim(residual: Residual, lower: Vector, upper: Vector, outside: Vector | None) -> NoTrimError:
     """Say why: which limit a trim would break, or which equation cannot be met and what binds there."""
     fits = [
-        least_squares(residual, np.clip(np.array([a * DEG, e * DEG, t]), lower + 1e-6, upper - 1e-6), bounds=(lower, upper),
-                      jac=lambda x: _jacobian(residual, x), x_scale=[0.1, 0.1, 0.3])
+        least_squares(
+            residual,
+            np.clip(np.array([a * DEG, e * DEG, t]), lower + 1e-6, upper - 1e-6),
+            bounds=(lower, upper),
+            jac=partial(_jacobian, residual),
+            x_scale=[0.1, 0.1, 0.3],
+        )
         for a, e, t in _STARTS
     ]
     best = min(fits, key=lambda fit: float(fit.cost))
@@ -134,16 +147,24 @@ def _no_trim(residual: Residual, lower: Vector, upper: Vector, outside: Vector |
     names = ("alpha", "elevator", "throttle")
     margin = 1e-3 * (upper - lower)
     at_min, at_max = x <= lower + margin, x >= upper - margin
-    binding = [f"{n} {'min' if low else 'max'}" for n, low, high in zip(names, at_min, at_max, strict=True) if low or high]
+    binding = [
+        f"{n} {'min' if low else 'max'}" for n, low, high in zip(names, at_min, at_max, strict=True) if low or high
+    ]
     worst = int(np.argmax(np.abs(r)))
     # A trim outside the limits is worth telling only where the bounded search leans on the same limit.
-    needs = [] if outside is None else [
-        f"needs {n} {_show(n, v)}, limit is {_show(n, lo if low else hi)}"
-        for n, v, lo, hi, low, high in zip(names, outside, lower, upper, at_min, at_max, strict=True)
-        if (low and v < lo) or (high and v > hi)
-    ]
+    needs = (
+        []
+        if outside is None
+        else [
+            f"needs {n} {_show(n, v)}, limit is {_show(n, lo if low else hi)}"
+            for n, v, lo, hi, low, high in zip(names, outside, lower, upper, at_min, at_max, strict=True)
+            if (low and v < lo) or (high and v > hi)
+        ]
+    )
     nearest = ", ".join(f"{n} {_show(n, v)}" for n, v in zip(names, x, strict=True))
-    why = "; ".join(needs) or f"nearest point {nearest}" + (f", at the limit of {' and '.join(binding)}" if binding else "")
+    why = "; ".join(needs) or f"nearest point {nearest}" + (
+        f", at the limit of {' and '.join(binding)}" if binding else ""
+    )
     return NoTrimError(
         f"{why} (residual {abs(r[worst]):.2g} {_UNITS[worst]} in {_EQUATIONS[worst]})",
         nearest={"alpha_rad": float(x[0]), "elevator_rad": float(x[1]), "throttle_norm": float(x[2])},

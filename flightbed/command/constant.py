@@ -18,4 +18,4 @@ def constant(*, amplitude_rad_s: float, start_s: float = 0.0) -> Command:
 
 def none() -> Command:
     """Ask for nothing: straight and level flight."""
-    return np.zeros_like
+    return constant(amplitude_rad_s=0.0)

@@ -1,0 +1,1 @@
+"""Control laws, their design, and adaptation."""

@@ -37,19 +37,21 @@ def design_proportional(design: ShortPeriod, poles: Sequence[complex] | None = N
     Raises DesignError when the model does not admit it.
     """
     A, b = design.with_actuator()
-    k = -_place(A, b, tuple(poles) if poles is not None else default_poles(design))
+    k = _place(A, b, tuple(poles) if poles is not None else default_poles(design))
     return Gains(alpha=k[0], q=k[1], elevator=k[2], reference=reference_gain(design, k))
 
 
-def design_integral(design: ShortPeriod, poles: Sequence[complex] | None = None, *, integral_pole: float = -0.5) -> Gains:
+def design_integral(
+    design: ShortPeriod, poles: Sequence[complex] | None = None, *, integral_pole: float = -0.5
+) -> Gains:
     """Place the poles of (alpha, q, elevator, integral of r - q) (Sillence S 3.3), the reference gain as for P."""
     A3, b3 = design.with_actuator()
     A, b = _with_integrator(A3, b3)
-    k = -_place(A, b, (*(poles if poles is not None else default_poles(design)), complex(integral_pole)))
+    k = _place(A, b, (*(poles if poles is not None else default_poles(design)), complex(integral_pole)))
     return Gains(alpha=k[0], q=k[1], elevator=k[2], reference=reference_gain(design, k[:3]), integral=k[3])
 
 
-def reference_gain(design: ShortPeriod, feedback: Matrix) -> float:
+def reference_gain(design: ShortPeriod, feedback: Sequence[float]) -> float:
     """Return K_r = -1 / (c A_cl^-1 b): unit DC gain from reference to pitch rate (Sillence S 3.2, which drops the minus)."""
     A, b = design.with_actuator()
     dc = float(_PITCH_RATE @ np.linalg.solve(A + np.outer(b, feedback), b))
@@ -81,9 +83,10 @@ def _with_integrator(A: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:
     return A4, np.append(b, 0.0)
 
 
-def _place(A: Matrix, b: Matrix, poles: tuple[complex, ...]) -> Matrix:
+def _place(A: Matrix, b: Matrix, poles: tuple[complex, ...]) -> list[float]:
+    """Return the gains k, added to the input: eig(A + b k) = poles."""
     try:
         placed = place_poles(A, b[:, None], np.array(poles))
     except (ValueError, np.linalg.LinAlgError) as error:
         raise DesignError(f"cannot place the poles {', '.join(f'{p:.4g}' for p in poles)}: {error}") from None
-    return np.asarray(placed.gain_matrix[0], dtype=np.float64)
+    return [-float(gain) for gain in placed.gain_matrix[0]]

@@ -1,0 +1,1 @@
+"""Estimators of effectiveness and state, one algorithm a file."""

@@ -40,7 +40,7 @@ def predict(X: Array, P: Array, T: Array, model: Array, u: float, Q: Array, infl
     Args:
         X: (n+1, W) states (x, K), updated in place.
         P: (n+1, n+1, W) covariances, updated in place.
-        T: (n+1, n+1, W) scratch.
+        T: (n+2, n+1, W) scratch.
         model: (n, n+2), [A | b | c].
         u: the input over the period.
         Q: (n, n) covariance of Gamma w.
@@ -98,7 +98,7 @@ def correct(X: Array, P: Array, T: Array, H: Array, r: Array, z: tuple[float, ..
 
     Args:
         X, P: as in predict, updated in place.
-        T: scratch as in predict; on return T[n, n] holds each filter's normalized innovation squared.
+        T: scratch as in predict; on return T[n+1, 0] holds each filter's normalized innovation squared.
         H: (m, n) measurement matrix.
         r: (m,) variances.
         z: m readings.
@@ -107,9 +107,9 @@ def correct(X: Array, P: Array, T: Array, H: Array, r: Array, z: tuple[float, ..
     n = H.shape[1]
     W = X.shape[1]
     for w in range(W):
-        T[n, n, w] = 0.0
+        T[n + 1, 0, w] = 0.0
     for i in range(H.shape[0]):
-        # T[:, 0] = P h, T[0, 1] = innovation variance, T[1, 1] = innovation
+        # T[:n+1, 0] = P h, T[0, 1] = innovation variance and then its inverse, T[n+1, 1] = innovation
         for j in range(n + 1):
             for w in range(W):
                 T[j, 0, w] = 0.0
@@ -119,19 +119,19 @@ def correct(X: Array, P: Array, T: Array, H: Array, r: Array, z: tuple[float, ..
                     T[j, 0, w] += P[j, k, w] * h
         for w in range(W):
             T[0, 1, w] = r[i]
-            T[1, 1, w] = z[i]
+            T[n + 1, 1, w] = z[i]
         for k in range(n):
             h = H[i, k]
             for w in range(W):
                 T[0, 1, w] += h * T[k, 0, w]
-                T[1, 1, w] -= h * X[k, w]
+                T[n + 1, 1, w] -= h * X[k, w]
         for w in range(W):
             inverse = 1.0 / T[0, 1, w]
-            T[n, n, w] += T[1, 1, w] * T[1, 1, w] * inverse
+            T[n + 1, 0, w] += T[n + 1, 1, w] * T[n + 1, 1, w] * inverse
             T[0, 1, w] = inverse
         for j in range(n + 1):
             for w in range(W):
-                X[j, w] += T[j, 0, w] * T[0, 1, w] * T[1, 1, w]
+                X[j, w] += T[j, 0, w] * T[0, 1, w] * T[n + 1, 1, w]
             for k in range(j, n + 1):
                 for w in range(W):
                     P[j, k, w] -= T[j, 0, w] * T[0, 1, w] * T[k, 0, w]
@@ -164,8 +164,20 @@ def start(X: Array, P: Array, slot: int, x0: Array, P0: Array, anchor: bool, z: 
 
 @compiled
 def tick(
-    X: Array, P: Array, T: Array, model: Array, u: float, Q: Array, inflation: float,
-    H: Array, r: Array, z: tuple[float, ...], k: int, x0: Array, P0: Array, anchor: bool,
+    X: Array,
+    P: Array,
+    T: Array,
+    model: Array,
+    u: float,
+    Q: Array,
+    inflation: float,
+    H: Array,
+    r: Array,
+    z: tuple[float, ...],
+    k: int,
+    x0: Array,
+    P0: Array,
+    anchor: bool,
 ) -> tuple[float, float, float, float, float]:
     """Advance a bank by one sample, and return the estimate of the filter that has the most data.
 
@@ -186,7 +198,7 @@ def tick(
     correct(X, P, T, H, r, z)
     slot = k % W
     best = slot if k >= W else 0
-    result = (X[n, best], P[n, n, best], X[0, best], X[n - 1, best], T[n, n, best])
+    result = (X[n, best], P[n, n, best], X[0, best], X[n - 1, best], T[n + 1, 0, best])
     if W > 1:
         start(X, P, slot, x0, P0, anchor, z, r)
     return result

@@ -81,20 +81,35 @@ class LoopGain:
         self._x0 = np.array([config.prior_alpha_rad, config.prior_q_rad_s, config.prior_effectiveness])
         self._P0 = np.diag([config.prior_alpha_var, config.prior_q_var, config.prior_effectiveness_var])
         self._anchor = config.prior_from_measurement
-        self._X, self._P, self._T = np.zeros((3, filters)), np.zeros((3, 3, filters)), np.zeros((3, 3, filters))
+        self._X, self._P, self._T = np.zeros((3, filters)), np.zeros((3, 3, filters)), np.zeros((4, 3, filters))
         self._low, self._high = config.bounds
         self._keep = config.smoothing
         self._smoothed = 1.0
         self._tick = 0
+        self._advance(Measurement(0.0, 0.0, 0.0, 0.0))  # compile or load now, not in flight; tick 0 starts it all anew
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
-        gain, variance, alpha, q, nis = kernels.tick(
-            self._X, self._P, self._T, self._model, measurement.elevator_mean_rad - self._input_offset, self._Q,
-            self._inflation, self._H, self._r, (measurement.alpha_rad - self._alpha_trim, measurement.q_rad_s),
-            self._tick, self._x0, self._P0, self._anchor,
-        )
+        gain, variance, alpha, q, nis = self._advance(measurement)
         self._tick += 1
         bounded = min(max(gain, self._low), self._high)
         self._smoothed = self._keep * self._smoothed + (1.0 - self._keep) * bounded
         return Estimate(bounded, sqrt(variance), self._smoothed, gain, alpha + self._alpha_trim, q, nis)
+
+    def _advance(self, measurement: Measurement) -> tuple[float, float, float, float, float]:
+        return kernels.tick(
+            self._X,
+            self._P,
+            self._T,
+            self._model,
+            measurement.elevator_mean_rad - self._input_offset,
+            self._Q,
+            self._inflation,
+            self._H,
+            self._r,
+            (measurement.alpha_rad - self._alpha_trim, measurement.q_rad_s),
+            self._tick,
+            self._x0,
+            self._P0,
+            self._anchor,
+        )

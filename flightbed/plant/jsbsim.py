@@ -12,7 +12,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from functools import cache
-from math import cos, pi, sin
+from math import cos
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ _TURBULENCE_MODEL = 4  # MIL-F-8785C spectra, Tustin-discretized (JSBSim's ttTus
 _SEVERITY = {"light": 3, "moderate": 4, "severe": 6}  # JSBSim's index of the MIL-F-8785C exceedance curves
 
 Getter = Callable[[], float]
-Setter = Callable[[float], None]
+Setter = Callable[[float], object]
 
 
 def version() -> str:
@@ -93,7 +93,9 @@ class _Fdm:
         self.set("gear/gear-pos-norm", 0.0)
         self.set("ic/h-sl-ft", altitude_m / FT)
         if cg_shift_cbar:
-            inches = self.getter("metrics/aero-rp-x-in")() - cg_shift_cbar * self.getter("metrics/cbarw-ft")() * FT / INCH
+            inches = (
+                self.getter("metrics/aero-rp-x-in")() - cg_shift_cbar * self.getter("metrics/cbarw-ft")() * FT / INCH
+            )
             self.set("metrics/aero-rp-x-in", inches)
         self.set("propulsion/set-running", -1)
 
@@ -136,7 +138,13 @@ class JsbsimAirframe:
     """
 
     def __init__(
-        self, aircraft: Aircraft, *, mach: float, altitude_m: float, cg_shift_cbar: float = 0.0, effectiveness: float = 1.0
+        self,
+        aircraft: Aircraft,
+        *,
+        mach: float,
+        altitude_m: float,
+        cg_shift_cbar: float = 0.0,
+        effectiveness: float = 1.0,
     ) -> None:
         self.name, self.actuator, self.limits = aircraft.name, aircraft.actuator, aircraft.limits
         self._fdm = fdm = _Fdm(aircraft, 1.0 / 200.0)
@@ -150,9 +158,16 @@ class JsbsimAirframe:
         self._set_q = fdm.setter("ic/q-rad_sec")
         self._set_elevator = fdm.setter(aircraft.properties["elevator_cmd_rad"])
         self._set_throttle = fdm.setter(aircraft.properties["throttle_norm"])
-        self._get = [fdm.getter(p) for p in (
-            "velocities/u-fps", "velocities/w-fps", "accelerations/udot-ft_sec2", "accelerations/wdot-ft_sec2",
-            "accelerations/qdot-rad_sec2")]
+        self._get = [
+            fdm.getter(p)
+            for p in (
+                "velocities/u-fps",
+                "velocities/w-fps",
+                "accelerations/udot-ft_sec2",
+                "accelerations/wdot-ft_sec2",
+                "accelerations/qdot-rad_sec2",
+            )
+        ]
 
     def rates(self, motion: Motion, controls: Controls) -> Rates:
         """Return the time derivatives at a motion with the controls held there."""
@@ -211,10 +226,22 @@ class JsbsimPlant:
             fdm.set("atmosphere/turb-type", _TURBULENCE_MODEL)
         self._run = fdm.exec.run
         self._elevator = fdm.getter(aircraft.properties["elevator_rad"])
-        self._get = tuple(fdm.getter(p) for p in (
-            "aero/alpha-rad", "velocities/q-rad_sec", "attitude/theta-rad", "attitude/phi-rad", "attitude/psi-rad",
-            "velocities/vt-fps", "velocities/mach", "position/h-sl-ft", "position/lat-gc-rad", "position/long-gc-rad",
-            "accelerations/Nz"))
+        self._get = tuple(
+            fdm.getter(p)
+            for p in (
+                "aero/alpha-rad",
+                "velocities/q-rad_sec",
+                "attitude/theta-rad",
+                "attitude/phi-rad",
+                "attitude/psi-rad",
+                "velocities/vt-fps",
+                "velocities/mach",
+                "position/h-sl-ft",
+                "position/lat-gc-rad",
+                "position/long-gc-rad",
+                "accelerations/Nz",
+            )
+        )
         self._latitude, self._longitude = self._get[8](), self._get[9]()
         self._radius_m = fdm.getter("position/radius-to-vehicle-ft")() * FT
         self._mean_elevator = self._elevator()
@@ -224,10 +251,20 @@ class JsbsimPlant:
         """Return the truth at the present tick."""
         (alpha, q, theta, phi, psi, airspeed, mach, altitude, latitude, longitude, nz) = [get() for get in self._get]
         return Truth(
-            alpha, q, theta, phi, psi, airspeed * FT, mach, altitude * FT,
+            alpha,
+            q,
+            theta,
+            phi,
+            psi,
+            airspeed * FT,
+            mach,
+            altitude * FT,
             (latitude - self._latitude) * self._radius_m,
             (longitude - self._longitude) * self._radius_m * cos(self._latitude),
-            nz, self._elevator(), self._mean_elevator, self._gain,
+            nz,
+            self._elevator(),
+            self._mean_elevator,
+            self._gain,
         )
 
     def advance(self, elevator_cmd_rad: float, effectiveness: float) -> None:

@@ -24,7 +24,9 @@ class LinearPlant:
 
     """
 
-    def __init__(self, design: ShortPeriod, *, control_hz: int, absolute: bool = True, airspeed_m_s: float = nan) -> None:
+    def __init__(
+        self, design: ShortPeriod, *, control_hz: int, absolute: bool = True, airspeed_m_s: float = nan
+    ) -> None:
         self._design, self._dt, self._absolute, self._speed = design, 1.0 / control_hz, absolute, airspeed_m_s
         self._transitions: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         self._x = np.zeros(4)  # alpha, q, elevator, in deviations from trim; integral of elevator over the period
@@ -36,9 +38,20 @@ class LinearPlant:
         """Return the truth at the present tick; what a short period does not have is nan."""
         d = self._design
         return Truth(
-            alpha_rad=d.alpha_trim_rad + float(self._x[0]), q_rad_s=float(self._x[1]), theta_rad=self._theta, phi_rad=0.0,
-            psi_rad=0.0, airspeed_m_s=self._speed, mach=nan, altitude_m=nan, north_m=nan, east_m=nan, nz_g=nan,
-            elevator_rad=d.elevator_trim_rad + float(self._x[2]), elevator_mean_rad=self._mean, effectiveness=self._gain,
+            alpha_rad=d.alpha_trim_rad + float(self._x[0]),
+            q_rad_s=float(self._x[1]),
+            theta_rad=self._theta,
+            phi_rad=0.0,
+            psi_rad=0.0,
+            airspeed_m_s=self._speed,
+            mach=nan,
+            altitude_m=nan,
+            north_m=nan,
+            east_m=nan,
+            nz_g=nan,
+            elevator_rad=d.elevator_trim_rad + float(self._x[2]),
+            elevator_mean_rad=self._mean,
+            effectiveness=self._gain,
         )
 
     def advance(self, elevator_cmd_rad: float, effectiveness: float) -> None:

@@ -1,0 +1,31 @@
+# Two doors. `make run` sets up and flies the main scenario; `make test` sets up and checks everything.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: run test setup clean
+
+run: setup
+	$(BIN)/flightbed run elevator-loss --out runs/elevator-loss
+	$(BIN)/flightbed run elevator-loss-fixed --out runs/elevator-loss-fixed
+	@echo
+	@echo "The same loss twice: corrected by 1/K the aircraft is kept, with the fixed law it departs."
+	@echo "Look:  $(BIN)/flightbed view runs/elevator-loss"
+
+test: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/pytest
+
+setup: $(READY)
+
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "flightbed needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,5 @@
+"""``python -m flightbed``."""
+
+from flightbed.cli import main
+
+main()

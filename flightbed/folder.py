@@ -1,0 +1,96 @@
+"""A run's folder: written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flightbed.card import events, run_card
+from flightbed.errors import OutputError
+
+if TYPE_CHECKING:
+    from flightbed.mission import Result
+
+_FILES = ("scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html")
+
+
+def free_folder(name: str) -> Path:
+    """Return the first of runs/NAME, runs/NAME-2, ... that does not exist."""
+    base = Path("runs") / name
+    number, candidate = 1, base
+    while candidate.exists():
+        number += 1
+        candidate = base.with_name(f"{name}-{number}")
+    return candidate
+
+
+def check_target(target: Path) -> Path:
+    """Refuse a target that would lose something, and one that cannot be written, before flying."""
+    try:
+        if target.exists() and not target.is_dir():
+            raise OutputError(f"--out {target}: is a file; name a folder")
+        if target.is_dir():
+            strangers = sorted(p.name for p in target.iterdir() if p.name not in _FILES)
+            if strangers:
+                raise OutputError(f"--out {target}: holds '{strangers[0]}', which is not from a run; name a new folder")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryDirectory(dir=target.parent, prefix=".flightbed-").cleanup()
+    except OSError as error:
+        raise OutputError(f"--out {target}: cannot be written: {error.strerror}") from None
+    return target
+
+
+def write_run(result: Result, target: Path, *, rerun: bool) -> None:
+    """Write beside the target and move into place: the folder appears whole or not at all."""
+    try:
+        with tempfile.TemporaryDirectory(
+            dir=target.parent, prefix=f".{target.name}.", ignore_cleanup_errors=True
+        ) as scratch:
+            new = Path(scratch) / "new"
+            new.mkdir()
+            (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
+            (new / "metrics.json").write_text(
+                json.dumps(result.summary, indent=2, allow_nan=False) + "\n", encoding="utf-8"
+            )
+            result.trace.write(new / "trace.parquet")
+            if rerun:
+                _record(result, new / "flight.rrd")
+            _replace(target, new, Path(scratch) / "old")
+    except OSError as error:
+        raise OutputError(f"--out {target}: cannot be written: {error.strerror or error}") from None
+
+
+def _replace(target: Path, new: Path, old: Path) -> None:
+    """Put ``new`` in the target's place; whatever interrupts this, the target holds the old run or the new one."""
+    if target.exists():
+        target.rename(old)
+    try:
+        new.rename(target)
+    finally:
+        if old.exists() and not target.exists():
+            old.rename(target)
+
+
+def _record(result: Result, path: Path) -> None:
+    from flightbed.telemetry import Event, write_recording  # slow to import
+
+    scenario, summary = result.plan.scenario, result.summary
+    happened = events(scenario, result.trace, summary, result.plan.aircraft.actuator)
+    write_recording(
+        path,
+        result.trace,
+        name=f"{scenario.name} seed {scenario.seed}",
+        card=run_card(scenario, summary),
+        events=[Event(*event) for event in happened],
+        failed_at_s=summary["failed_at_s"],
+    )
+
+
+def folder_of(run_folder: str | Path) -> Path:
+    """Return a run's folder after checking that it is one. Raises OutputError."""
+    folder = Path(run_folder)
+    if not (folder / "metrics.json").is_file():
+        raise OutputError(f"{folder}: not a run's folder (no metrics.json)")
+    return folder

@@ -1,0 +1,38 @@
+"""Shared pieces: the F-16, its design at the main condition, and flights on the linear plant."""
+
+from __future__ import annotations
+
+import os
+import zlib
+
+import numpy as np
+import pytest
+
+os.environ.pop("RERUN", None)  # RERUN=off would turn every recording into nothing
+
+from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.linearize import linearize
+from flightbed.plant.jsbsim import JsbsimAirframe
+from flightbed.short_period import ShortPeriod, short_period
+from flightbed.trim import trim
+from flightbed.units import FT
+
+
+@pytest.fixture(scope="session")
+def f16() -> Aircraft:
+    return load_aircraft("f16")
+
+
+@pytest.fixture(scope="session")
+def design(f16: Aircraft) -> ShortPeriod:
+    """The design model at Mach 0.8, 20,000 ft."""
+    airframe = JsbsimAirframe(f16, mach=0.8, altitude_m=20000 * FT)
+    return short_period(linearize(airframe, trim(airframe)), actuator_rad_s=f16.actuator.lag_rad_s)
+
+
+@pytest.fixture
+def rng(request: pytest.FixtureRequest) -> np.random.Generator:
+    """A generator seeded from the test's name; the seed is printed when the test fails."""
+    seed = zlib.crc32(request.node.nodeid.encode())
+    print(f"seed {seed}")
+    return np.random.default_rng(seed)

@@ -1,0 +1,121 @@
+"""Gains and closed loops against the printed tables of Sillence (1999)."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+
+from flightbed.control.base import Gains
+from flightbed.control.design import (
+    closed_loop,
+    default_poles,
+    design_integral,
+    design_proportional,
+    reference_gain,
+)
+from flightbed.errors import DesignError
+from flightbed.short_period import ShortPeriod
+
+GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "sillence.toml").read_text())
+
+
+def _plant() -> ShortPeriod:
+    p = GOLDEN["plant"]
+    A = np.array([[p["Z_alpha"], p["Z_q"]], [p["M_alpha"], p["M_q"]]])
+    return ShortPeriod(A, np.array([p["Z_delta"], p["M_delta"]]), p["actuator_rad_s"])
+
+
+def _gains(*, integral: bool) -> Gains:
+    g = GOLDEN["gains"]
+    return Gains(g["alpha"], g["q"], g["elevator"], g["reference"], g["integral"] if integral else 0.0)
+
+
+def _half_unit(text: str) -> float:
+    """Half a unit of the last digit of a printed number."""
+    return 0.5 * 10.0 ** -len(text.partition(".")[2])
+
+
+def _assert_printed(matrix: np.ndarray, printed: list[str]) -> None:
+    """Every eigenvalue rounds to the digits that are printed for it."""
+    found = np.linalg.eigvals(matrix)
+    wanted = np.array([complex(text) for text in printed])
+    nearest = np.abs(found[:, None] - wanted[None, :]).argmin(axis=1)
+    assert sorted(nearest) == list(range(len(wanted))), (found, wanted)
+    for value, index in zip(found, nearest, strict=True):
+        real, *imag = re.findall(r"[+-]?[0-9.]+", printed[index])
+        assert abs(value.real - float(real)) <= _half_unit(real), (value, printed[index])
+        assert abs(value.imag - float(imag[0] if imag else 0)) <= (_half_unit(imag[0]) if imag else 0), (
+            value,
+            printed[index],
+        )
+
+
+def test_open_loop_poles_of_tables_2_and_3() -> None:
+    A, _ = _plant().with_actuator()
+    _assert_printed(A, GOLDEN["table_3"]["open_loop"])
+    _assert_printed(A, GOLDEN["table_2"]["open_loop"])
+
+
+@pytest.mark.parametrize(("effectiveness", "row"), [(1.0, "closed_loop_K1"), (0.08, "closed_loop_K008")])
+@pytest.mark.parametrize("table", ["table_2", "table_3"])
+def test_closed_loop_eigenvalues_of_tables_2_and_3(table: str, effectiveness: float, row: str) -> None:
+    """Table 2 is the PI law, Table 3 the P law."""
+    matrix = closed_loop(_plant(), _gains(integral=table == "table_2"), effectiveness=effectiveness)
+    _assert_printed(matrix, GOLDEN[table][row])
+
+
+def test_reference_gain_is_the_printed_one() -> None:
+    gains = _gains(integral=False)
+    found = reference_gain(_plant(), [gains.alpha, gains.q, gains.elevator])
+    assert found == pytest.approx(GOLDEN["gains"]["reference"], abs=5e-6)
+
+
+def test_placing_the_printed_poles_gives_the_printed_gains() -> None:
+    poles = [complex(p) for p in GOLDEN["table_3"]["closed_loop_K1"]]
+    found, printed = design_proportional(_plant(), poles), _gains(integral=False)
+    # Poles printed to 1e-4 fix the gains to a few 1e-5; the gains are printed to 1e-3.
+    assert (found.alpha, found.q, found.elevator) == pytest.approx(
+        (printed.alpha, printed.q, printed.elevator), abs=5e-4
+    )
+    assert found.reference == pytest.approx(printed.reference, abs=5e-4)
+
+
+def test_default_design_against_python_control(design: ShortPeriod) -> None:
+    gains = design_proportional(design)
+    matrix = closed_loop(design, gains)
+    assert np.sort_complex(np.linalg.eigvals(matrix)) == pytest.approx(np.sort_complex(np.array(default_poles(design))))
+    _, b = design.with_actuator()
+    loop = control.ss(matrix, gains.reference * b[:, None], [[0.0, 1.0, 0.0]], 0)
+    assert float(np.real(control.dcgain(loop))) == pytest.approx(1.0, abs=1e-9)
+    assert max(abs(p) for p in default_poles(design)) < design.actuator_rad_s
+
+
+def test_integral_design_places_all_four_poles_and_removes_the_steady_error(design: ShortPeriod) -> None:
+    gains = design_integral(design, integral_pole=-0.7)
+    wanted = np.sort_complex(np.array([*default_poles(design), -0.7]))
+    assert np.sort_complex(np.linalg.eigvals(closed_loop(design, gains))) == pytest.approx(wanted)
+    # With K = 0.6 the prefilter alone would leave an error; the integral takes it away.
+    A = closed_loop(design, gains, effectiveness=0.6)
+    b = np.array([0.0, 0.0, design.actuator_rad_s * gains.reference, 1.0])
+    steady = -np.linalg.solve(A, b)
+    assert steady[1] == pytest.approx(1.0)
+
+
+def test_exact_correction_restores_the_loop_in_effective_deflection(design: ShortPeriod) -> None:
+    """With K-hat = K and K-hat times the position fed back, K times the deflection obeys the healthy loop."""
+    gains, K = design_proportional(design), 0.3
+    A, b = design.with_actuator(K)
+    feedback = np.array([gains.alpha, gains.q, gains.elevator * K]) / K
+    corrected = np.linalg.eigvals(A + np.outer(b, feedback))
+    assert np.sort_complex(corrected) == pytest.approx(np.sort_complex(np.array(default_poles(design))))
+
+
+def test_unreachable_poles_are_a_design_error() -> None:
+    dead = ShortPeriod(np.array([[-1.0, 1.0], [2.0, -1.0]]), np.zeros(2), 20.0)
+    with pytest.raises(DesignError, match="cannot place the poles"):
+        design_proportional(dead)

@@ -1,0 +1,179 @@
+"""The estimator in the loop: consistency where its model is true, memories, bounds, smoothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from flightbed.estimation import kernels
+from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
+from flightbed.estimation.record import estimate_record
+from flightbed.short_period import ShortPeriod
+from flightbed.signals import Measurement
+from tests.linear_flight import NOISE, fly_linear
+
+RUNS = 200
+# Two-sided bound that a consistent filter breaks once in 10,000 draws of the seed; the seed is fixed.
+TAIL = 0.5e-4
+EXPANDING = LoopGainConfig(
+    memory="expanding", prior_effectiveness=0.6, prior_effectiveness_var=0.15**2, bounds=(-9.0, 9.0)
+)
+
+
+@pytest.mark.parametrize("config", [EXPANDING, replace(EXPANDING, memory="window")], ids=["expanding", "window"])
+def test_nis_and_nees_are_chi_square_when_the_model_is_true(
+    rng: np.random.Generator, design: ShortPeriod, config: LoopGainConfig
+) -> None:
+    """Over 200 flights with K drawn from the prior: innovations and final errors are as large as the filter says."""
+    nis_sum, nees_sum, nis_count, nees_x = 0.0, 0.0, 0, 0.0
+    for _ in range(RUNS):
+        K = rng.normal(config.prior_effectiveness, np.sqrt(config.prior_effectiveness_var))
+        samples, estimator = fly_linear(design, config=config, effectiveness=K, seed=int(rng.integers(2**31)), ticks=91)
+        assert isinstance(estimator, LoopGain)
+        final = samples[-1]
+        # Window: take one whole window's innovations, those of filter 0 over its first 30 samples, as independent draws.
+        used = samples[1:] if config.memory == "expanding" else samples[1:30]
+        nis_sum += sum(s.estimates[0].nis for s in used)
+        nis_count += 2 * len(used)
+        nees_sum += ((final.estimates[0].effectiveness_raw - K) / final.estimates[0].effectiveness_std) ** 2
+        if config.memory == "expanding":
+            error = np.array(
+                [
+                    estimator._X[0, 0] - (final.truth.alpha_rad - design.alpha_trim_rad),
+                    estimator._X[1, 0] - final.truth.q_rad_s,
+                    estimator._X[2, 0] - K,
+                ]
+            )
+            nees_x += float(error @ np.linalg.solve(estimator._P[:, :, 0], error))
+    assert chi2.ppf(TAIL, nis_count) < nis_sum < chi2.ppf(1 - TAIL, nis_count), (nis_sum, nis_count)
+    assert chi2.ppf(TAIL, RUNS) < nees_sum < chi2.ppf(1 - TAIL, RUNS), (nees_sum, RUNS)
+    if config.memory == "expanding":
+        assert chi2.ppf(TAIL, 3 * RUNS) < nees_x < chi2.ppf(1 - TAIL, 3 * RUNS), (nees_x, 3 * RUNS)
+
+
+def test_nees_with_process_noise(rng: np.random.Generator, design: ShortPeriod) -> None:
+    """The same with process noise in the plant and in the filter: 300 records, full state."""
+    A, b = design.discrete(100.0)
+    Q, R = np.diag([1e-5, 2e-3]) ** 2, np.diag([NOISE.alpha_rad, NOISE.q_rad_s]) ** 2
+    x0, P0 = np.array([0.0, 0.0, 0.6]), np.diag([1e-3, 1e-2, 0.2]) ** 2
+    runs, N, total, nis = 300, 60, 0.0, 0.0
+    for _ in range(runs):
+        truth = rng.multivariate_normal(x0, P0)
+        x, K, u, z = truth[:2], truth[2], 0.02 * rng.standard_normal(N), np.empty((N, 2))
+        for k in range(N):
+            x = A @ x + K * b * u[k] + rng.multivariate_normal(np.zeros(2), Q)
+            z[k] = x + rng.multivariate_normal(np.zeros(2), R)
+        out = estimate_record(A, b, np.eye(2), Q=Q, R=R, u=u, z=z, x0=x0, P0=P0)
+        error = np.append(out.x[-1] - x, out.effectiveness[-1] - K)
+        total += float(error @ np.linalg.solve(out.P[-1], error))
+        nis += float(out.nis.sum())
+    assert chi2.ppf(TAIL, 3 * runs) < total < chi2.ppf(1 - TAIL, 3 * runs), (total, 3 * runs)
+    assert chi2.ppf(TAIL, 2 * N * runs) < nis < chi2.ppf(1 - TAIL, 2 * N * runs), (nis, 2 * N * runs)
+
+
+def _measurements(rng: np.random.Generator, design: ShortPeriod, ticks: int) -> list[Measurement]:
+    samples, _ = fly_linear(design, config=EXPANDING, effectiveness=0.5, seed=int(rng.integers(2**31)), ticks=ticks)
+    return [s.measurement for s in samples]
+
+
+@pytest.mark.parametrize("anchored", [True, False])
+def test_window_equals_refiltering_the_last_30_samples(
+    rng: np.random.Generator, design: ShortPeriod, anchored: bool
+) -> None:
+    """At every tick the bank gives what one filter gives that is started 30 samples ago."""
+    config = LoopGainConfig(
+        window=30, prior_from_measurement=anchored, prior_alpha_rad=-0.025, prior_q_rad_s=-0.042, prior_alpha_var=3e-5,
+        prior_q_var=3e-4, prior_effectiveness=0.8, prior_effectiveness_var=0.4, q_disturbance_rad_s2=0.1,
+        alpha_disturbance_rad_s=0.01, bounds=(-99.0, 99.0),
+    )  # fmt: skip
+    measurements = _measurements(rng, design, 120)
+    estimator = LoopGain(config, design=design, noise=NOISE, control_hz=100)
+    estimates = [estimator.update(m) for m in measurements]
+    A, b = design.discrete(100.0)
+    Q, R = np.diag([1e-4, 1e-3]) ** 2, np.diag([NOISE.alpha_rad**2, NOISE.q_rad_s**2])
+    model = np.column_stack([A, b, -b * design.elevator_trim_rad])
+    for k in range(30, 120):
+        first = measurements[k - 30]
+        x = (
+            np.array([first.alpha_rad - design.alpha_trim_rad, first.q_rad_s, 0.8])
+            if anchored
+            else np.array([-0.025, -0.042, 0.8])
+        )
+        P = np.zeros((3, 3))
+        P[:2, :2] = R if anchored else np.diag([3e-5, 3e-4])
+        P[2, 2] = 0.4
+        for m in measurements[k - 29 : k + 1]:  # the textbook filter, matrix by matrix
+            F = np.eye(3)
+            F[:2, :2], F[:2, 2] = model[:, :2], model[:, 2] * m.elevator_mean_rad
+            x = F @ x + np.append(model[:, 3], 0.0)
+            P = F @ P @ F.T
+            P[:2, :2] += Q
+            H = np.eye(2, 3)
+            S = H @ P @ H.T + R
+            gain = np.linalg.solve(S, H @ P).T
+            x = x + gain @ (np.array([m.alpha_rad - design.alpha_trim_rad, m.q_rad_s]) - H @ x)
+            P = P - gain @ H @ P
+        assert estimates[k].effectiveness_raw == pytest.approx(x[2], abs=1e-9)
+        assert estimates[k].effectiveness_std == pytest.approx(np.sqrt(P[2, 2]), rel=1e-8)
+        assert estimates[k].alpha_rad == pytest.approx(x[0] + design.alpha_trim_rad, abs=1e-12)
+        assert estimates[k].q_rad_s == pytest.approx(x[1], abs=1e-12)
+
+
+def test_fading_memory_forgets_as_fast_as_it_says(rng: np.random.Generator, design: ShortPeriod) -> None:
+    """K drops in flight: fading memory follows, the expanding one lags; lambda = 1 is the expanding one exactly."""
+
+    def final(config: LoopGainConfig) -> tuple[float, float]:
+        samples, _ = fly_linear(design, config=config, effectiveness=0.3, at_tick=300, seed=7, ticks=450)
+        return samples[-1].estimates[0].effectiveness_raw, samples[-1].estimates[0].effectiveness_std
+
+    expanding, expanding_std = final(EXPANDING)
+    fading, fading_std = final(replace(EXPANDING, memory="fading", forgetting=0.95))
+    assert final(replace(EXPANDING, memory="fading", forgetting=1.0)) == (expanding, expanding_std)
+    assert abs(fading - 0.3) < 0.02 < abs(expanding - 0.3)
+    assert fading_std > 1.5 * expanding_std
+
+
+def test_deviation_form_is_right_on_the_plant_of_the_thesis(design: ShortPeriod) -> None:
+    """x' = A x + K b (delta - delta_trim): unbiased where the plant has that form, biased where K scales the trim too."""
+    deviation = replace(EXPANDING, absolute=False)
+    runs = [
+        fly_linear(design, config=deviation, effectiveness=0.4, seed=s, absolute=False)[0][-1].estimates[0]
+        for s in range(20)
+    ]
+    errors = np.array([(e.effectiveness_raw - 0.4) / e.effectiveness_std for e in runs])
+    assert abs(errors.mean()) < 4.0 / np.sqrt(len(runs))
+    wrong = fly_linear(design, config=deviation, effectiveness=0.4, seed=0, absolute=True)[0][-1].estimates[0]
+    assert abs(wrong.effectiveness_raw - 0.4) > 5.0 * wrong.effectiveness_std
+
+
+def test_bounds_come_before_smoothing(design: ShortPeriod) -> None:
+    """Sillence S 5.5: the bounded estimate is what eq (85) smooths; smoothing starts at 1."""
+    config = LoopGainConfig(window=5, smoothing=0.7, bounds=(0.45, 0.55))
+    samples, _ = fly_linear(design, config=config, effectiveness=0.5, seed=3, ticks=200)
+    smoothed = 1.0
+    hit = 0
+    for sample in samples:
+        e = sample.estimates[0]
+        assert e.effectiveness == min(max(e.effectiveness_raw, 0.45), 0.55)
+        smoothed = 0.7 * smoothed + 0.3 * e.effectiveness
+        assert e.effectiveness_smoothed == pytest.approx(smoothed, abs=1e-14)
+        hit += e.effectiveness != e.effectiveness_raw
+    assert hit > 10
+
+
+def test_adaptation_rescues_the_linear_plant(design: ShortPeriod) -> None:
+    """K = 0.1 on the unstable linear model: the fixed loop is unstable, the corrected one stays within 10 deg."""
+    config = LoopGainConfig()
+    fixed, _ = fly_linear(design, config=config, effectiveness=0.1, at_tick=200, seed=1, ticks=1500)
+    adaptive, _ = fly_linear(design, config=config, effectiveness=0.1, at_tick=200, seed=1, ticks=1500, adapt=True)
+    assert len(fixed) < 1500
+    assert len(adaptive) == 1500
+    assert max(abs(s.truth.alpha_rad) for s in adaptive) < np.deg2rad(10)
+
+
+def test_no_estimate_needs_plain_mode() -> None:
+    """The kernels are compiled unless FLIGHTBED_PLAIN asks for the plain source."""
+    assert kernels.PLAIN == (type(kernels.tick).__name__ == "function")

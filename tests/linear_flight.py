@@ -1,0 +1,54 @@
+"""A flight on the exact linear plant: where the estimator's model is true."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flightbed.command.base import profile
+from flightbed.command.doublet import doublet
+from flightbed.control.adaptation import Adaptation
+from flightbed.control.design import design_proportional
+from flightbed.control.proportional import Proportional
+from flightbed.estimation.base import Estimator
+from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
+from flightbed.failures.effector import healthy, weakened
+from flightbed.loop import Flight, fly
+from flightbed.plant.linear import LinearPlant
+from flightbed.sensors import Sensors, SensorNoise
+from flightbed.short_period import ShortPeriod
+from flightbed.signals import Sample
+from flightbed.units import DEG
+
+NOISE = SensorNoise(0.03 * DEG, 0.1108 * DEG)
+
+
+def fly_linear(
+    design: ShortPeriod,
+    *,
+    config: LoopGainConfig,
+    effectiveness: float,
+    seed: int,
+    ticks: int = 450,
+    at_tick: int = 0,
+    adapt: bool = False,
+    absolute: bool = True,
+) -> tuple[list[Sample], Estimator]:
+    """Fly doublets with K = ``effectiveness`` from ``at_tick`` on; returns the samples and the estimator."""
+    estimator = LoopGain(config, design=design, noise=NOISE, control_hz=100)
+    flight = Flight(
+        plant=LinearPlant(design, control_hz=100, absolute=absolute),
+        sensors=Sensors(NOISE, ticks=ticks, seed=np.random.SeedSequence(seed)),
+        profile=profile(
+            doublet(amplitude_rad_s=5 * DEG, period_s=4.5, count=3), ticks=ticks, control_hz=100, filter_rad_s=3.0
+        ),
+        effectiveness=weakened(healthy, to=effectiveness, at_tick=at_tick),
+        law=Proportional(
+            design_proportional(design),
+            alpha_trim_rad=design.alpha_trim_rad,
+            elevator_trim_rad=design.elevator_trim_rad,
+        ),
+        adaptation=Adaptation(enabled=adapt, estimator=0, floor=0.08, feedback="effective", min_rad=-1e3, max_rad=1e3),
+        estimators=[estimator],
+        alpha_trim_rad=design.alpha_trim_rad,
+    )
+    return list(fly(flight)), estimator

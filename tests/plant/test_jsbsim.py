@@ -1,0 +1,165 @@
+"""The JSBSim plant: the traps that its docstring names, repeatability, steady trimmed flight."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from flightbed.aircraft import Aircraft
+from flightbed.errors import AircraftError
+from flightbed.plant.base import Controls, Motion
+from flightbed.plant.jsbsim import JsbsimAirframe, JsbsimPlant, Start, _Fdm
+from flightbed.trim import TrimPoint, trim
+from flightbed.units import DEG, FT
+
+ALTITUDE = 20000 * FT
+
+
+@pytest.fixture(scope="module")
+def point(f16: Aircraft) -> TrimPoint:
+    return trim(JsbsimAirframe(f16, mach=0.8, altitude_m=ALTITUDE))
+
+
+def _start(point: TrimPoint, altitude_m: float = ALTITUDE) -> Start:
+    return Start(
+        altitude_m, point.airspeed_m_s, point.alpha_rad, point.theta_rad, point.elevator_rad, point.throttle_norm
+    )
+
+
+def _plant(aircraft: Aircraft, point: TrimPoint, *, plant_hz: int = 200, **options: object) -> JsbsimPlant:
+    return JsbsimPlant(aircraft, _start(point), control_hz=100, plant_hz=plant_hz, **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("plant_hz", [100, 200, 400])
+def test_actuator_has_the_lag_and_rate_of_the_overlay_at_every_step(
+    f16: Aircraft, point: TrimPoint, plant_hz: int
+) -> None:
+    """JSBSim copies dt at load: set late, the rate limit would be wrong by the ratio of the steps."""
+    plant = _plant(f16, point, plant_hz=plant_hz)
+    positions = [plant.sense().elevator_rad]
+    for _ in range(60):
+        plant.advance(point.elevator_rad + 20 * DEG, 1.0)
+        positions.append(plant.sense().elevator_rad)
+    rates = np.diff(positions) * 100 / DEG
+    assert rates.max() == pytest.approx(60.0, rel=1e-6)
+    small = _plant(f16, point, plant_hz=plant_hz)
+    for _ in range(5):
+        small.advance(point.elevator_rad + 0.2 * DEG, 1.0)
+    reached = (small.sense().elevator_rad - point.elevator_rad) / (0.2 * DEG)
+    # First order, half a frame late: Tustin's rule averages the step with the frame before it.
+    assert reached == pytest.approx(1.0 - np.exp(-20.2 * (0.05 - 0.5 / plant_hz)), abs=0.001)
+
+
+def test_commands_beyond_the_stop_come_back_at_once(f16: Aircraft, point: TrimPoint) -> None:
+    """JSBSim's rate limiter winds up beyond the stop; the plant's clamp prevents it."""
+    plant = _plant(f16, point)
+    for _ in range(150):
+        plant.advance(3.0, 1.0)
+    assert plant.sense().elevator_rad == pytest.approx(25 * DEG)
+    plant.advance(0.0, 1.0)
+    plant.advance(0.0, 1.0)
+    assert plant.sense().elevator_rad < 24.5 * DEG
+
+
+def test_one_settling_is_exact(f16: Aircraft) -> None:
+    """Hidden states settle at once: the same point evaluated after any other gives the same bits."""
+    airframe = JsbsimAirframe(f16, mach=0.6, altitude_m=ALTITUDE)
+    v = airframe.airspeed_m_s
+    here = (Motion(v, 0.05, 0.05, 0.01), Controls(-0.02, 0.3))
+    first = airframe.rates(*here)
+    airframe.rates(Motion(v, 0.2, 0.1, -0.1), Controls(0.3, 0.9))
+    again = airframe.rates(*here)
+    # The IC object keeps a round-off wind from one call to the next: equal to 1e-12, not to the bit.
+    assert again == pytest.approx(first, rel=1e-11, abs=1e-13)
+    moved = airframe.rates(here[0], Controls(-0.02 + 1 * DEG, 0.3))
+    assert (moved.q - first.q) / DEG == pytest.approx(-7.9, abs=0.3)  # all of M_delta, not a lagged part of it
+
+
+def test_engine_runs_from_the_first_step(f16: Aircraft, point: TrimPoint) -> None:
+    """Trimmed, hands off: speed, height and load factor stay."""
+    plant = _plant(f16, point)
+    start = plant.sense()
+    # Not 1: at the equator and 20,000 ft gravity is 0.9954 of the standard g that nz counts in, 0.1 % more goes into curving.
+    assert start.nz_g == pytest.approx(1.0, abs=0.006)
+    for _ in range(100):
+        plant.advance(point.elevator_rad, 1.0)
+    now = plant.sense()
+    assert now.airspeed_m_s == pytest.approx(start.airspeed_m_s, abs=0.02)
+    assert now.altitude_m == pytest.approx(start.altitude_m, abs=0.1)
+    assert now.nz_g == pytest.approx(start.nz_g, abs=0.002)
+    assert now.alpha_rad == pytest.approx(start.alpha_rad, abs=0.01 * DEG)
+    assert np.hypot(now.north_m, now.east_m) == pytest.approx(start.airspeed_m_s, rel=0.01)
+
+
+def test_sea_level_is_free_air(f16: Aircraft) -> None:
+    assert trim(JsbsimAirframe(f16, mach=0.5, altitude_m=0.0)).residual < 1e-8
+
+
+def test_missing_and_read_only_properties_are_refused(f16: Aircraft) -> None:
+    fdm = _Fdm(f16, 0.01)
+    with pytest.raises(AircraftError, match="no property fcs/elevator-comand-rad"):
+        fdm.setter("fcs/elevator-comand-rad")
+    with pytest.raises(AircraftError, match="accelerations/Nz is read-only"):
+        fdm.setter("accelerations/Nz")
+
+
+def test_loading_is_silent() -> None:
+    code = "from flightbed import load_aircraft, JsbsimAirframe; JsbsimAirframe(load_aircraft('f16'), mach=.8, altitude_m=6e3)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == ""
+    assert done.stderr == ""
+
+
+def _fly(plant: JsbsimPlant, point: TrimPoint, ticks: int = 300) -> np.ndarray:
+    rows = []
+    for k in range(ticks):
+        plant.advance(point.elevator_rad + 0.01 * np.sin(0.1 * k), 1.0 if k < 100 else 0.5)
+        rows.append(plant.sense())
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("turbulence", ["none", "moderate"])
+def test_repeat_flights_are_bit_identical(f16: Aircraft, point: TrimPoint, turbulence: str) -> None:
+    """A fresh FDM each time, another one alive or not."""
+    one = _fly(_plant(f16, point, turbulence=turbulence, seed=5), point)
+    keep_alive = _plant(f16, point)
+    two = _fly(_plant(f16, point, turbulence=turbulence, seed=5), point)
+    assert one.tobytes() == two.tobytes()
+    assert keep_alive.sense().elevator_rad == point.elevator_rad
+
+
+def test_turbulence_is_finite_seeded_and_grows_with_severity(f16: Aircraft, point: TrimPoint) -> None:
+    spread = {}
+    for severity in ("none", "light", "moderate", "severe"):
+        flown = _fly(_plant(f16, point, turbulence=severity, seed=5), point)
+        assert np.all(np.isfinite(flown))
+        spread[severity] = np.std(np.diff(flown[:, 0]))  # alpha, tick to tick
+    assert spread["none"] < spread["light"] < spread["moderate"] < spread["severe"]
+    other = _fly(_plant(f16, point, turbulence="light", seed=6), point)
+    same = _fly(_plant(f16, point, turbulence="light", seed=5), point)
+    assert not np.array_equal(other, same)
+
+
+def test_mean_deflection_is_what_moved_the_aircraft(f16: Aircraft, point: TrimPoint) -> None:
+    """Over one tick the pitch rate changes by M_delta times the mean deflection: the frame before counts."""
+    plant = _plant(f16, point, plant_hz=400)
+    before = plant.sense()
+    plant.advance(point.elevator_rad + 2 * DEG, 1.0)
+    after = plant.sense()
+    mean = after.elevator_mean_rad - point.elevator_rad
+    assert 0.0 < mean < after.elevator_rad - point.elevator_rad
+    assert (after.q_rad_s - before.q_rad_s) / 0.01 == pytest.approx(-13.81 * mean, rel=0.02)
+
+
+def test_effectiveness_scales_the_moment_of_the_whole_deflection(f16: Aircraft, point: TrimPoint) -> None:
+    """Trimmed and held, K = 0.2 leaves 80 % of the trim deflection's moment missing: nose down from the first tick."""
+    plant = _plant(f16, point)
+    for _ in range(3):
+        plant.advance(point.elevator_rad, 0.2)
+    flown = plant.sense()
+    assert flown.effectiveness == 0.2
+    # Two frames of three ticks lag behind; q' = -M_delta (1 - K) delta_trim, to a few per cent over 25 ms.
+    assert flown.q_rad_s / 0.025 == pytest.approx(-(-13.81) * 0.8 * point.elevator_rad, rel=0.05)

@@ -1,0 +1,185 @@
+"""The overlay: K = 1 is the stock aircraft, no feedback is left in, and every edit is checked."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import jsbsim
+import numpy as np
+import pytest
+
+from flightbed import data
+from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.errors import AircraftError, UnknownNameError
+from flightbed.plant.jsbsim import _Fdm
+from flightbed.units import DEG
+
+LOADS = [f"forces/fb{axis}-{kind}-lbs" for axis in "xyz" for kind in ("aero", "total")] + [
+    f"moments/{axis}-{kind}-lbsft" for axis in "lmn" for kind in ("aero", "total")
+]
+# Mach, altitude ft, alpha deg, beta deg, p, q, r in rad/s, elevator deg, throttle
+POINTS = [
+    (0.8, 20000, 0.85, 0.0, 0.0, 0.0, 0.0, -0.97, 0.34),
+    (0.6, 20000, 2.75, 0.0, 0.0, 0.1, 0.0, -6.0, 0.3),
+    (0.4, 5000, 8.0, 2.0, 0.1, -0.1, 0.05, 4.0, 0.5),
+    (0.3, 10000, 14.0, -3.0, 0.0, 0.2, -0.1, -20.0, 0.6),
+    (0.95, 30000, -2.0, 1.0, -0.3, -0.2, 0.0, 8.0, 0.9),
+    (1.2, 35000, 4.0, 0.0, 0.0, 0.0, 0.0, 10.0, 1.0),
+]
+
+
+def _stock() -> jsbsim.FGFDMExec:
+    fdm = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
+    fdm.set_debug_level(0)
+    fdm.set_dt(0.005)
+    assert fdm.load_model("f16")
+    fdm["fcs/fbw-override"] = 1  # direct elevator and aileron in the stock control system
+    return fdm
+
+
+def _settle(fdm: jsbsim.FGFDMExec, point: tuple[float, ...]) -> None:
+    mach, altitude, alpha, beta, p, q, r, _, throttle = point
+    fdm["ic/terrain-elevation-ft"] = -2000
+    fdm["gear/gear-cmd-norm"] = 0
+    fdm["gear/gear-pos-norm"] = 0
+    fdm["ic/h-sl-ft"] = altitude
+    fdm["ic/mach"] = mach
+    fdm["ic/alpha-deg"] = alpha
+    fdm["ic/beta-deg"] = beta
+    fdm["ic/p-rad_sec"], fdm["ic/q-rad_sec"], fdm["ic/r-rad_sec"] = p, q, r
+    fdm["fcs/throttle-cmd-norm"] = throttle
+    fdm["propulsion/set-running"] = -1
+    fdm.set_trim_status(True)
+    fdm.run_ic()
+    fdm.set_trim_status(False)
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_full_effectiveness_equals_the_stock_aircraft(f16: Aircraft, point: tuple[float, ...]) -> None:
+    """Same deflection, same forces and moments, every one of them, symmetric or not."""
+    stock, ours = _stock(), _Fdm(f16, 0.005).exec
+    ours["fcs/fbw-override"] = 1
+    stock["fcs/elevator-cmd-norm"] = point[7] / 25.0
+    _settle(stock, point)
+    ours["fcs/elevator-cmd-rad"] = stock["fcs/elevator-pos-rad"]
+    _settle(ours, point)
+    assert stock["fcs/elevator-pos-rad"] == pytest.approx(point[7] * DEG, abs=0.01)
+    assert ours["fcs/elevator-pos-rad"] == pytest.approx(stock["fcs/elevator-pos-rad"], abs=1e-15)
+    # Yaw damper and ailerons of the stock model stay in both; only the flaperon's lift and drag is taken out, and
+    # with no roll command it is nil in the stock model too.
+    for name in LOADS:
+        assert ours[name] == pytest.approx(stock[name], rel=1e-12, abs=1e-6), name
+
+
+def test_effectiveness_scales_the_deflection_in_all_three_tables(f16: Aircraft) -> None:
+    """K = 0.4 at 10 deg is K = 1 at 4 deg: drag, lift and pitching moment."""
+    weak, healthy = _Fdm(f16, 0.005).exec, _Fdm(f16, 0.005).exec
+    weak["fcs/elevator-effectiveness"] = 0.4
+    weak["fcs/elevator-cmd-rad"], healthy["fcs/elevator-cmd-rad"] = 10 * DEG, 4 * DEG
+    for fdm in (weak, healthy):
+        _settle(fdm, POINTS[1])
+    for name in LOADS:
+        assert weak[name] == pytest.approx(healthy[name], rel=1e-12, abs=1e-9), name
+    assert weak["fcs/elevator-pos-rad"] == pytest.approx(10 * DEG)
+
+
+def test_the_aircraft_has_no_pitch_feedback_of_its_own(f16: Aircraft) -> None:
+    """d(elevator)/d(alpha) = d(elevator)/d(q) = 0, settled and in flight."""
+    fdm = _Fdm(f16, 0.005).exec
+    fdm["fcs/elevator-cmd-rad"] = -0.03
+    positions = set()
+    for alpha in (-5.0, 0.0, 2.0, 12.0, 25.0):
+        for q in (-0.5, 0.0, 0.5):
+            _settle(fdm, (0.6, 20000, alpha, 0.0, 0.0, q, 0.0, 0.0, 0.3))
+            positions.add(fdm["fcs/elevator-pos-rad"])
+    assert positions == {-0.03}
+    for _ in range(200):
+        fdm.run()
+    assert abs(fdm["velocities/q-rad_sec"] - 0.5) > 0.05  # it moved
+    assert fdm["fcs/elevator-pos-rad"] == -0.03
+
+
+def test_ailerons_no_longer_push_or_lift(f16: Aircraft) -> None:
+    """In the stock model full aileron changes drag and lift by sign; in the overlay it does not at all."""
+
+    def change(fdm: jsbsim.FGFDMExec) -> list[float]:
+        fdm["fcs/fbw-override"] = 1
+        loads = []
+        for aileron in (-0.5, 0.5):
+            fdm["fcs/aileron-cmd-norm"] = aileron
+            _settle(fdm, POINTS[1])
+            loads.append([fdm["forces/fbx-aero-lbs"], fdm["forces/fbz-aero-lbs"]])
+        return list(np.abs(np.subtract(*loads)))
+
+    assert min(change(_stock())) > 500.0
+    assert max(change(_Fdm(f16, 0.005).exec)) < 1e-6
+
+
+def test_cg_shift_makes_it_less_stable(f16: Aircraft) -> None:
+    from flightbed.linearize import linearize
+    from flightbed.plant.jsbsim import JsbsimAirframe
+    from flightbed.trim import trim
+
+    def m_alpha(shift: float) -> float:
+        airframe = JsbsimAirframe(f16, mach=0.6, altitude_m=6096.0, cg_shift_cbar=shift)
+        return float(linearize(airframe, trim(airframe)).A[3, 1])
+
+    # Measured once by moving the reference point by hand: -0.465, +2.16, +4.60.
+    assert [m_alpha(s) for s in (0.0, 0.05, 0.10)] == pytest.approx([-0.465, 2.16, 4.60], abs=0.01)
+
+
+def test_a_stock_model_with_another_hash_is_refused(f16: Aircraft) -> None:
+    other = dataclasses.replace(f16, stock_sha256="0" * 64)
+    stock = Path(jsbsim.get_default_root_dir(), f16.stock_file).read_bytes()
+    with pytest.raises(AircraftError, match="sha256 78edd9053433.*written for 000000000000"):
+        other.patch(stock)
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        ({"do": "replace-channel", "channel": "Pich", "with": "pitch.xml"}, "expected one channel Pich, found 0"),
+        ({"do": "rewire", "from": "fcs/elevator-pos-rad", "to": "x", "functions": ["a"]}, "found it in"),
+        ({"do": "remove-functions", "functions": ["aero/nope"]}, "no function aero/nope"),
+        ({"do": "remove-systems", "systems": ["nope"]}, "no system nope"),
+        ({"do": "frobnicate"}, "frobnicate"),
+        ({"do": "declare", "value": 1.0}, "needs 'property'"),
+    ],
+)
+def test_an_edit_that_does_not_fit_names_itself(f16: Aircraft, edit: dict[str, object], message: str) -> None:
+    broken = dataclasses.replace(f16, edits=(edit,))
+    stock = Path(jsbsim.get_default_root_dir(), f16.stock_file).read_bytes()
+    with pytest.raises(AircraftError, match=message):
+        broken.patch(stock)
+
+
+def test_a_folder_of_the_users_own_works(tmp_path: Path) -> None:
+    """Copied beside, with a slower actuator: the numbers arrive in the model."""
+    own = tmp_path / "slow"
+    own.mkdir()
+    for file in data.find("aircraft", "f16").iterdir():
+        (own / file.name).write_bytes(file.read_bytes())
+    text = (own / "aircraft.toml").read_text().replace("lag_rad_s = 20.2", "lag_rad_s = 5.5")
+    (own / "aircraft.toml").write_text(text)
+    slow = load_aircraft(str(own))
+    assert slow.actuator.lag_rad_s == 5.5
+    assert _Fdm(slow, 0.005).getter("fcs/elevator-lag-rad_s")() == 5.5
+    assert slow.sha256 != load_aircraft("f16").sha256
+
+
+def test_bad_folders_name_the_file(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="unknown aircraft 'f61'.*did you mean f16"):
+        load_aircraft("f61")
+    (tmp_path / "aircraft.toml").write_text('name = "x"\n')
+    with pytest.raises(AircraftError, match=r"aircraft\.toml: 'elevator' is missing"):
+        load_aircraft(str(tmp_path))
+    (tmp_path / "aircraft.toml").write_text("name = \n")
+    with pytest.raises(AircraftError, match=r"aircraft\.toml: Invalid value"):
+        load_aircraft(str(tmp_path))
+
+
+def test_nothing_of_the_stock_file_is_shipped() -> None:
+    """No table of the GPL model stands in the overlay folder."""
+    for file in data.find("aircraft", "f16").iterdir():
+        assert "tableData" not in file.read_text()
