@@ -35,8 +35,8 @@ def check_target(target: Path) -> Path:
             strangers = sorted(p.name for p in target.iterdir() if p.name not in _FILES)
             if strangers:
                 raise OutputError(f"--out {target}: holds '{strangers[0]}', which is not from a run; name a new folder")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryDirectory(dir=target.parent, prefix=".flightbed-").cleanup()
+        parent = next(p for p in target.absolute().parents if p.exists())
+        tempfile.TemporaryDirectory(dir=parent, prefix=".flightbed-").cleanup()
     except OSError as error:
         raise OutputError(f"--out {target}: cannot be written: {error.strerror}") from None
     return target
@@ -45,6 +45,7 @@ def check_target(target: Path) -> Path:
 def write_run(result: Result, target: Path, *, rerun: bool) -> None:
     """Write beside the target and move into place: the folder appears whole or not at all."""
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(
             dir=target.parent, prefix=f".{target.name}.", ignore_cleanup_errors=True
         ) as scratch:

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import expm
 
 from flightbed.linearize import LinearModel
 
@@ -67,6 +66,8 @@ def short_period(model: LinearModel, *, actuator_rad_s: float) -> ShortPeriod:
 
 def zero_order_hold(A: Matrix, b: Vector, period_s: float) -> Discrete:
     """Discretize x' = A x + b u for an input held over the period, by one matrix exponential of [[A, b], [0, 0]]."""
+    from scipy.linalg import expm  # slow to import
+
     n = A.shape[0]
     block = np.zeros((n + 1, n + 1))
     block[:n, :n] = A * period_s

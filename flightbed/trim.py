@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 
 from flightbed.errors import NoTrimError
 from flightbed.plant.base import Airframe, Controls, Motion
@@ -132,6 +131,8 @@ def _newton(residual: Residual, x: Vector) -> Vector | None:
 
 def _no_trim(residual: Residual, lower: Vector, upper: Vector, outside: Vector | None) -> NoTrimError:
     """Say why: which limit a trim would break, or which equation cannot be met and what binds there."""
+    from scipy.optimize import least_squares  # slow to import, and only needed here
+
     fits = [
         least_squares(
             residual,

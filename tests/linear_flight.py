@@ -14,7 +14,7 @@ from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.failures.effector import healthy, weakened
 from flightbed.loop import Flight, fly
 from flightbed.plant.linear import LinearPlant
-from flightbed.sensors import Sensors, SensorNoise
+from flightbed.sensors import SensorNoise, Sensors
 from flightbed.short_period import ShortPeriod
 from flightbed.signals import Sample
 from flightbed.units import DEG

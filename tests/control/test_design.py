@@ -9,6 +9,7 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+from scipy.signal import place_poles
 
 from flightbed.control.base import Gains
 from flightbed.control.design import (
@@ -115,7 +116,19 @@ def test_exact_correction_restores_the_loop_in_effective_deflection(design: Shor
     assert np.sort_complex(corrected) == pytest.approx(np.sort_complex(np.array(default_poles(design))))
 
 
+@pytest.mark.parametrize("poles", [(-1.0, -5 + 3j, -5 - 3j), (-0.2, -12.0, -40.0)])
+def test_placement_equals_scipys(design: ShortPeriod, poles: tuple[complex, ...]) -> None:
+    A, b = design.with_actuator()
+    theirs = -place_poles(A, b[:, None], np.array(poles)).gain_matrix[0]
+    ours = design_proportional(design, poles)
+    assert [ours.alpha, ours.q, ours.elevator] == pytest.approx(theirs, rel=1e-9)
+
+
 def test_unreachable_poles_are_a_design_error() -> None:
     dead = ShortPeriod(np.array([[-1.0, 1.0], [2.0, -1.0]]), np.zeros(2), 20.0)
-    with pytest.raises(DesignError, match="cannot place the poles"):
+    with pytest.raises(DesignError, match="does not control"):
         design_proportional(dead)
+    with pytest.raises(DesignError, match="conjugate pairs"):
+        design_proportional(_plant(), [-1.0, -2 + 1j, -3 + 1j])
+    with pytest.raises(DesignError, match="3 states, 2 poles are given"):
+        design_proportional(_plant(), [-1.0, -2.0])

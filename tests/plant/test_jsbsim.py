@@ -162,4 +162,4 @@ def test_effectiveness_scales_the_moment_of_the_whole_deflection(f16: Aircraft, 
     flown = plant.sense()
     assert flown.effectiveness == 0.2
     # Two frames of three ticks lag behind; q' = -M_delta (1 - K) delta_trim, to a few per cent over 25 ms.
-    assert flown.q_rad_s / 0.025 == pytest.approx(-(-13.81) * 0.8 * point.elevator_rad, rel=0.05)
+    assert flown.q_rad_s / 0.025 == pytest.approx(13.81 * 0.8 * point.elevator_rad, rel=0.05)

@@ -1,0 +1,18 @@
+"""Failures are functions that compose, and the identity before their start."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flightbed.failures.effector import healthy, weakened
+
+
+@given(at=st.integers(0, 1000), to=st.floats(0, 1), tick=st.integers(0, 2000))
+def test_identity_before_and_constant_after(at: int, to: float, tick: int) -> None:
+    assert weakened(healthy, to=to, at_tick=at)(tick) == (to if tick >= at else 1.0)
+
+
+def test_a_second_failure_follows_the_first() -> None:
+    two = weakened(weakened(healthy, to=0.6, at_tick=100), to=0.2, at_tick=300)
+    assert [two(k) for k in (0, 99, 100, 299, 300)] == [1.0, 1.0, 0.6, 0.6, 0.2]

@@ -1,0 +1,123 @@
+"""The command line as a user meets it: one line per error, the right exit code, no half files."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+COMMAND = [sys.executable, "-m", "flightbed"]
+
+
+def _flightbed(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, check=False, cwd=cwd)
+
+
+def test_run_says_what_happened_and_leaves_a_folder(tmp_path: Path) -> None:
+    done = _flightbed("run", "elevator-loss-fixed", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr  # a flight that departs is a result
+    assert "departed at" in done.stdout
+    assert "written to runs/elevator-loss-fixed" in done.stdout
+    assert max(len(line) for line in done.stdout.splitlines() if "K" in line) < 160
+    assert sorted(p.name for p in (tmp_path / "runs/elevator-loss-fixed").iterdir()) == [
+        "flight.rrd", "metrics.json", "scenario.toml", "trace.parquet",
+    ]  # fmt: skip
+
+
+def test_json_is_alone_on_stdout(tmp_path: Path) -> None:
+    done = _flightbed("run", "nominal", "--set", "duration_s=1", "--rerun", "off", "--json", "--out", "x", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    printed = json.loads(done.stdout)
+    assert printed.pop("folder") == "x"
+    assert printed == json.loads((tmp_path / "x" / "metrics.json").read_text())
+    assert not (tmp_path / "x" / "flight.rrd").exists()
+
+
+def test_list_names_everything_with_a_line_each(tmp_path: Path) -> None:
+    listed = _flightbed("list", cwd=tmp_path).stdout
+    for name in ("f16", "nominal", "elevator-loss", "elevator-loss-fixed", "straight-and-level", "doublet", "constant", "none",
+                 "proportional", "proportional-integral", "effectiveness", "loop-gain"):  # fmt: skip
+        assert f"\n  {name} " in listed
+    assert _flightbed("list", "laws", cwd=tmp_path).stdout.splitlines()[0].startswith("proportional ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["run", "elevator-los"], 2, "unknown scenario 'elevator-los' (neither a shipped name nor a path); did you mean elevator-loss?"),
+        (["run"], 2, "requires an argument"),
+        (["run", "nominal", "--ot", "x"], 2, "Unknown option"),
+        (["run", "nominal", "--rerun", "lve"], 2, "Invalid value"),
+        (["fly"], 2, "Unknown command"),
+        (["list", "planes"], 2, "Invalid value"),
+        (["run", "nominal", "--set", "sede=1"], 2, "unknown key sede; did you mean seed?"),
+        (["run", "nominal", "--set", "seed=x"], 2, "--set seed: must be a whole number (got 'x')"),
+        (["run", "elevator-loss", "--set", "failures.0.to=1.2"], 2, "must be between 0 and 1 (got 1.2)"),
+        (["run", "nominal", "--set", "rates.plant_hz=130"], 2, "must be an integer multiple of control_hz (got 130 and 100)"),
+        (["run", "nominal", "--set", "estimators.0.kind=kalman"], 2, "unknown estimator"),
+        (["run", "nominal", "--set", "aircraft.model=f61"], 2, "unknown aircraft 'f61' (neither a shipped name nor a path); did you mean f16?"),
+        (["run", "nominal", "--set", "control.poles=[[-1,0]]"], 3, "the loop has 3 states, 1 poles are given"),
+        (["run", "nominal", "--set", "condition.mach=0.3", "--set", "condition.altitude_ft=45000"], 3, "no trim at Mach 0.30, 45000 ft"),
+        (["run", "nominal", "--out", "/proc/nowhere/x"], 2, "--out /proc/nowhere/x: cannot be written"),
+        (["view", "."], 2, "not a run's folder (no metrics.json)"),
+    ],
+)  # fmt: skip
+def test_errors_are_one_clear_line(tmp_path: Path, arguments: list[str], code: int, message: str) -> None:
+    done = _flightbed(*arguments, cwd=tmp_path)
+    assert done.returncode == code
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith("flightbed: ")
+    assert done.stdout == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root writes everywhere")
+def test_an_unwritable_folder_is_refused_before_the_flight(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    done = _flightbed("run", "nominal", "--out", str(tmp_path / "x"), cwd=tmp_path)
+    tmp_path.chmod(0o700)
+    assert done.returncode == 2
+    assert "cannot be written: Permission denied" in done.stderr
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupted_flight_leaves_nothing(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    process = subprocess.Popen(
+        [*COMMAND, "run", "nominal", "--set", "duration_s=36000", "--out", "x"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    time.sleep(5.0)
+    assert process.poll() is None
+    process.send_signal(number)
+    stdout, stderr = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert stdout == ""
+    assert stderr == ("flightbed: interrupted; nothing was written\n" if number == signal.SIGINT else "")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_killed_while_writing_leaves_no_half_run(tmp_path: Path) -> None:
+    """kill -9 in the middle of the writing: the folder is not there; a hidden scratch folder may be."""
+    code = (
+        "import os, signal, flightbed.trace as t, flightbed\n"
+        "t.Trace.write = lambda *a: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "flightbed.run(flightbed.load_scenario('nominal', ['duration_s=0.2']), 'x')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=False, capture_output=True)
+    assert done.returncode == -signal.SIGKILL
+    assert not (tmp_path / "x").exists()
+    assert all(p.name.startswith(".") for p in tmp_path.iterdir())
+
+
+def test_view_reports_a_missing_recording(tmp_path: Path) -> None:
+    _flightbed("run", "nominal", "--set", "duration_s=0.2", "--rerun", "off", "--out", "x", cwd=tmp_path)
+    done = _flightbed("view", "x", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "there is no recording; fly the scenario again with --rerun save" in done.stderr

@@ -1,0 +1,220 @@
+"""Whole flights on the nonlinear aircraft, and what they leave behind."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flightbed
+from flightbed.errors import NoTrimError, OutputError
+from flightbed.folder import free_folder
+from flightbed.mission import Result, plan, run
+from flightbed.scenario import load_scenario
+from flightbed.trace import read_trace
+from flightbed.units import unit_of
+
+CONTRACT_COLUMNS = ["t_s", "q_cmd_deg_s", "q_ref_deg_s", "q_deg_s", "alpha_deg", "theta_deg", "q_meas_deg_s", "alpha_meas_deg", "elevator_cmd_deg", "elevator_deg", "mach", "altitude_ft", "nz_g", "effectiveness_true"]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    return run(load_scenario("elevator-loss"), tmp_path_factory.mktemp("runs") / "elevator-loss")
+
+
+def test_the_adaptive_flight_is_kept_over_20_seeds() -> None:
+    """0 departures of 20: with 95 % confidence fewer than 14 % of flights depart (exact binomial)."""
+    outcomes = [run(load_scenario("elevator-loss", [f"seed={seed}"])) for seed in range(20)]
+    assert [r.metrics.departed for r in outcomes] == [False] * 20
+    assert all(len(r.trace) == 1650 for r in outcomes)
+    assert max(np.abs(r.trace["alpha_deg"]).max() for r in outcomes) < 10.0
+    final = np.array([r.metrics.estimators["window"].median_abs_error_post for r in outcomes])
+    assert np.median(final) < 0.05
+
+
+def test_the_fixed_law_departs_within_seconds_over_5_seeds() -> None:
+    for seed in range(5):
+        metrics = run(load_scenario("elevator-loss-fixed", [f"seed={seed}"])).metrics
+        assert metrics.departed
+        assert metrics.departed_at_s is not None
+        assert 4.5 < metrics.departed_at_s < 12.0
+
+
+def test_nothing_fails_nothing_departs() -> None:
+    result = run(load_scenario("nominal"))
+    assert not result.metrics.departed
+    assert np.all(result.trace["effectiveness_true"] == 1.0)
+
+
+def test_level_flight_shows_the_loss_without_dither() -> None:
+    """No command at all: absolute deflection makes K observable; the adaptive aircraft stays, the fixed one goes."""
+    adaptive = run(load_scenario("straight-and-level"))
+    assert adaptive.metrics.estimators["window"].rms_error_smoothed_post < 0.05
+    assert np.abs(adaptive.trace["alpha_deg"] - adaptive.trace["alpha_deg"][0]).max() < 1.0
+    assert run(load_scenario("straight-and-level", ["adaptation.enabled=false"])).metrics.departed
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["control.law=proportional-integral"],
+        ["estimators.0.memory=fading", "estimators.0.forgetting=0.93"],
+        ["aircraft.cg_shift_cbar=0.03", "condition.mach=0.6", "failures.0.to=0.4"],
+        ["atmosphere.turbulence=light"],
+        ["rates.control_hz=50", "rates.plant_hz=200", "estimators.0.window=15"],
+        ["adaptation.feedback=position"],
+        ["control.poles=[[-1.5,0],[-8,8],[-8,-8]]"],
+        ["command.kind=constant", "command.amplitude_deg_s=1.0", "duration_s=8"],
+    ],
+    ids=lambda o: o[0],
+)
+def test_options_change_the_flight_and_the_aircraft_is_kept(flown: Result, overrides: list[str]) -> None:
+    result = run(load_scenario("elevator-loss", overrides))
+    assert not result.metrics.departed
+    n = min(len(result.trace), len(flown.trace))
+    assert not np.array_equal(result.trace["q_deg_s"][:n], flown.trace["q_deg_s"][:n])
+
+
+def test_failure_acts_at_its_tick_and_not_before(flown: Result) -> None:
+    truth = flown.trace["effectiveness_true"]
+    assert np.flatnonzero(np.diff(truth)).tolist() == [449]
+    assert (truth[449], truth[450]) == (1.0, 0.2)
+    healthy = run(load_scenario("nominal")).trace
+    assert np.array_equal(flown.trace["q_deg_s"][:451], healthy["q_deg_s"][:451])
+    assert not np.array_equal(flown.trace["q_deg_s"][451:], healthy["q_deg_s"][451:])
+
+
+def test_the_folder_holds_what_the_contract_says(flown: Result) -> None:
+    assert flown.folder is not None
+    assert sorted(p.name for p in flown.folder.iterdir()) == [
+        "flight.rrd",
+        "metrics.json",
+        "scenario.toml",
+        "trace.parquet",
+    ]
+    assert load_scenario(flown.folder / "scenario.toml") == flown.plan.scenario
+    trace = read_trace(flown.folder / "trace.parquet")
+    assert trace.estimators == ("window", "expanding")
+    assert set(CONTRACT_COLUMNS) <= set(trace.columns)
+    for name in trace.estimators:
+        assert {f"{name}.effectiveness", f"{name}.effectiveness_std", f"{name}.effectiveness_smoothed"} <= set(
+            trace.columns
+        )
+    for column in trace.columns:
+        np.testing.assert_array_equal(trace[column], flown.trace[column])
+    assert trace.to_pandas().shape == (1650, len(trace.columns))
+    metrics = json.loads((flown.folder / "metrics.json").read_text())
+    assert {
+        "scenario", "seed", "departed", "departed_at_s", "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s", "estimators",
+        "wall_time_s", "real_time_factor", "versions",
+    } <= set(metrics)  # fmt: skip
+    assert set(metrics["estimators"]["window"]) == {
+        "final", "median_abs_error_post", "rms_error_smoothed_post", "std_pre", "first_within_20pct_s",
+        "first_within_20pct_smoothed_s", "nis_mean", "detected_at_s",
+    }  # fmt: skip
+
+
+def test_units_are_in_the_column_metadata(flown: Result) -> None:
+    import pyarrow.parquet as pq
+
+    assert flown.folder is not None
+    schema = pq.read_schema(flown.folder / "trace.parquet")
+    units = {field.name: field.metadata[b"unit"].decode() for field in schema}
+    assert units == {name: unit_of(name) for name in units}
+    assert units["q_deg_s"] == "deg/s"
+    assert units["altitude_ft"] == "ft"
+    assert units["t_s"] == "s"
+    assert units["window.effectiveness"] == "1"
+
+
+def _fingerprint(result_columns: dict[str, np.ndarray]) -> str:
+    digest = hashlib.sha256()
+    for name, values in result_columns.items():
+        digest.update(name.encode() + values.tobytes())
+    return digest.hexdigest()
+
+
+def test_a_flight_repeated_in_another_process_is_bit_identical(flown: Result) -> None:
+    code = (
+        "import hashlib, flightbed\n"
+        "d = hashlib.sha256()\n"
+        "for n, v in flightbed.run(flightbed.load_scenario('elevator-loss')).trace.columns.items(): d.update(n.encode() + v.tobytes())\n"
+        "print(d.hexdigest())"
+    )
+    other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    assert other == _fingerprint(dict(flown.trace.columns))
+    assert other != _fingerprint(dict(run(load_scenario("elevator-loss", ["seed=1"])).trace.columns))
+
+
+def test_the_resolved_scenario_reflies_the_same_flight(flown: Result) -> None:
+    assert flown.folder is not None
+    again = run(load_scenario(flown.folder / "scenario.toml"))
+    assert _fingerprint(dict(again.trace.columns)) == _fingerprint(dict(flown.trace.columns))
+
+
+def test_samples_stream_from_fly() -> None:
+    samples = flightbed.fly(load_scenario("nominal"))
+    first = next(samples)
+    assert first.tick == 0
+    assert first.truth.alpha_rad == pytest.approx(0.0148, abs=1e-4)
+    assert len(first.estimates) == 2
+    assert [next(samples).tick for _ in range(3)] == [1, 2, 3]
+
+
+def test_no_trim_names_the_condition() -> None:
+    with pytest.raises(NoTrimError, match=r"^no trim at Mach 0\.30, 40000 ft: .*alpha.*residual 0\.13 g in lift"):
+        plan(load_scenario("nominal", ["condition.mach=0.3", "condition.altitude_ft=40000"]))
+
+
+def test_an_earlier_run_is_replaced_and_anything_else_is_refused(tmp_path: Path) -> None:
+    short = load_scenario("nominal", ["duration_s=0.2"])
+    target = tmp_path / "run"
+    run(short, target, rerun=False)
+    run(load_scenario("nominal", ["duration_s=0.3"]), target, rerun=False)
+    assert len(read_trace(target / "trace.parquet")) == 30
+    assert [p.name for p in tmp_path.iterdir()] == ["run"]
+    (target / "thesis.tex").write_text("mine")
+    with pytest.raises(OutputError, match=r"holds 'thesis\.tex', which is not from a run"):
+        run(short, target, rerun=False)
+    assert (target / "thesis.tex").read_text() == "mine"
+    file = tmp_path / "file"
+    file.write_text("mine")
+    with pytest.raises(OutputError, match="is a file"):
+        run(short, file, rerun=False)
+
+
+def test_a_failed_write_leaves_the_old_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    short, target = load_scenario("nominal", ["duration_s=0.2"]), tmp_path / "run"
+    run(short, target, rerun=False)
+    before = (target / "trace.parquet").read_bytes()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("flightbed.trace.Trace.write", full)
+    with pytest.raises(OutputError, match="cannot be written: No space left on device"):
+        run(short, target, rerun=False)
+    assert (target / "trace.parquet").read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["run"]
+
+
+def test_default_folders_never_overwrite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert free_folder("x") == Path("runs/x")
+    Path("runs/x").mkdir(parents=True)
+    assert free_folder("x") == Path("runs/x-2")
+
+
+def test_public_names_are_functions_whatever_was_imported_first() -> None:
+    """`trim`, `linearize` and `short_period` are also modules: the package must give the functions."""
+    code = (
+        "import flightbed.trim, flightbed.linearize, flightbed.short_period, flightbed.mission, flightbed\n"
+        "assert all(callable(getattr(flightbed, n)) for n in ('load_scenario run trim linearize short_period fly').split())\n"
+        "assert all(hasattr(flightbed, n) for n in flightbed.__all__)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

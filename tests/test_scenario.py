@@ -1,0 +1,125 @@
+"""Scenario files: every key reachable, every problem reported at once, in one line that names place, value and cure."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flightbed import data
+from flightbed.errors import ScenarioError, UnknownNameError
+from flightbed.scenario import Scenario, load_scenario
+
+FILE = "scenarios/elevator-loss.toml"
+
+
+@pytest.mark.parametrize("name", list(data.names("scenario")))
+def test_shipped_scenarios_load_and_survive_a_round_trip(name: str, tmp_path: Path) -> None:
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert scenario.description
+    written = tmp_path / "again.toml"
+    written.write_text(scenario.to_toml())
+    assert load_scenario(written) == scenario
+
+
+@settings(max_examples=25)
+@given(to=st.floats(0, 1), mach=st.floats(0.1, 2), seed=st.integers(0, 2**63), at=st.floats(0, 16))
+def test_resolved_scenarios_keep_every_digit(to: float, mach: float, seed: int, at: float) -> None:
+    overrides = [f"failures.0.to={to!r}", f"condition.mach={mach!r}", f"seed={seed}", f"failures.0.at_s={at!r}"]
+    scenario = load_scenario("elevator-loss", overrides)
+    assert (scenario.failures[0].to, scenario.condition.mach, scenario.seed) == (to, mach, seed)
+    assert Scenario.model_validate(load_scenario(tomllib.loads(scenario.to_toml()))) == scenario
+
+
+def test_overrides_of_the_contract() -> None:
+    scenario = load_scenario(
+        "elevator-loss",
+        ["failures.0.to=0.35", "condition.mach=0.75", "adaptation.enabled=false", "command.kind=none"],
+    )
+    assert scenario.failures[0].to == 0.35
+    assert scenario.condition.mach == 0.75
+    assert not scenario.adaptation.enabled
+    assert scenario.command.kind == "none"
+
+
+def test_an_override_can_add_to_a_list() -> None:
+    scenario = load_scenario(
+        "nominal", ["failures.0.at_s=3", "failures.0.to=.5", "failures.1.at_s=6", "failures.1.to=0.2"]
+    )
+    assert [(f.at_s, f.to) for f in scenario.failures] == [(3.0, 0.5), (6.0, 0.2)]
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("failures.0.to=1.4", "--set failures.0.to: must be between 0 and 1 (got 1.4)"),
+        ("failures.0.to=-0.1", "--set failures.0.to: must be between 0 and 1 (got -0.1)"),
+        ("failures.0.to='x'", "--set failures.0.to: must be a number (got 'x')"),
+        ("failures.0.to=true", "--set failures.0.to: must be a number (got True)"),
+        ("failures.0.at_dg=1", f"{FILE}: unknown key failures.0.at_dg; did you mean at_s?"),
+        ("failures.0.at_s=16.5", f"{FILE}: failures.0.at_s: must be before the flight ends at 16.5 s (got 16.5)"),
+        ("seed=abc", "--set seed: must be a whole number (got 'abc')"),
+        ("seed=1.5", "--set seed: must be a whole number (got 1.5)"),
+        ("rates.plant_hz=150", f"{FILE}: rates: plant_hz must be an integer multiple of control_hz (got 150 and 100)"),
+        ("duration_s=16.505", f"{FILE}: duration_s: must be a whole number of ticks of 1/100 s (got 16.505)"),
+        ("duration_s=0", "--set duration_s: must be above 0 and at most 36000 (got 0)"),
+        ("duration_s=nan", "--set duration_s: must be finite (got nan)"),
+        ("estimators.0.kind=loopgain", "--set estimators.0.kind: unknown estimator; did you mean loop-gain?; known: loop-gain (got 'loopgain')"),
+        ("estimators.0.model=scheduled", "--set estimators.0.model: must be 'short-period' (got 'scheduled')"),
+        ("estimators.0.bounds=[1,0]", f"{FILE}: estimators.0: bounds must rise (got [1.0, 0.0])"),
+        ("estimators.0.bounds=[0,1,2]", "--set estimators.0.bounds: must have 2 values (got [0, 1, 2])"),
+        ("estimators.1.name=window", f"{FILE}: estimators.1.name: must be unique (got 'window' twice)"),
+        ("adaptation.estimator=windo", f"{FILE}: adaptation.estimator: no estimator is named 'windo'; did you mean window?; there is: window, expanding"),
+        ("control.law=pid", "--set control.law: unknown law; known: proportional, proportional-integral (got 'pid')"),
+        ("command.kind=dublet", "--set command.kind: unknown command; did you mean doublet?; known: constant, doublet, none (got 'dublet')"),
+        ("atmosphere.turbulence=heavy", "--set atmosphere.turbulence: must be 'none', 'light', 'moderate' or 'severe' (got 'heavy')"),
+        ("failures=3", "--set failures: must be a list (got 3)"),
+        ("aircraft=3", "--set aircraft: must be a table (got 3)"),
+        ("name=a b", "--set name: must be letters, digits, - and _, and start with a letter or digit (got 'a b')"),
+        ("failures.2.to=.1", "--set failures.2.to=.1: '2' must be an index from 0 to 1 (1 adds one)"),
+        ("condition.mach.x=2", "--set condition.mach.x=2: 'x': there is no table here to reach into"),
+        ("seed", "--set seed: must be KEY=VALUE, for example --set failures.0.to=0.35"),
+        ("schema=2", "--set schema: must be 1 (got 2)"),
+    ],
+)  # fmt: skip
+def test_each_problem_is_one_line_with_place_value_and_cure(override: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", [override])
+    assert str(caught.value) == message
+    assert caught.value.exit_code == 2
+
+
+def test_all_problems_come_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text('schema = 1\nname = "x"\n[condition]\nmach = "fast"\naltitud_ft = 3\n[[failures]]\nto = 2\n')
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    assert sorted(caught.value.problems) == [
+        f"{path}: condition.mach: must be a number (got 'fast')",
+        f"{path}: duration_s: is missing",
+        f"{path}: failures.0.at_s: is missing",
+        f"{path}: failures.0.to: must be between 0 and 1 (got 2)",
+        f"{path}: unknown key condition.altitud_ft; did you mean altitude_ft?",
+    ]
+
+
+def test_unreadable_files(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="unknown scenario 'elevator-los' .*did you mean elevator-loss"):
+        load_scenario("elevator-los")
+    broken = tmp_path / "broken.toml"
+    broken.write_text("name = \n")
+    with pytest.raises(ScenarioError, match=r"broken\.toml: not TOML: Invalid value \(at line 1"):
+        load_scenario(broken)
+    broken.write_bytes(b"\xff\xfe")
+    with pytest.raises(ScenarioError, match=r"broken\.toml: cannot be read"):
+        load_scenario(broken)
+
+
+def test_a_scenario_cannot_be_changed() -> None:
+    scenario = load_scenario("nominal")
+    with pytest.raises(Exception, match="frozen"):
+        scenario.seed = 3  # type: ignore[misc]

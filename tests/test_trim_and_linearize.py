@@ -1,0 +1,159 @@
+"""Trim and short-period model: against JSBSim's own trim and linearizer, and against recorded values."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import jsbsim
+import numpy as np
+import pytest
+
+from flightbed.aircraft import Aircraft
+from flightbed.errors import NoTrimError
+from flightbed.linearize import LinearModel, linearize
+from flightbed.plant.jsbsim import JsbsimAirframe, _Fdm
+from flightbed.short_period import ShortPeriod, short_period, zero_order_hold
+from flightbed.trim import TrimPoint, trim
+from flightbed.units import DEG, FT
+
+# Level, away from the flap switches at alpha 5 and 15 deg and Mach 0.9, and from the kinks at alpha 0 and 10.03 deg.
+CONDITIONS = [
+    (0.30, 0), (0.40, 0), (0.50, 0), (0.60, 0), (0.75, 0), (0.85, 0),
+    (0.35, 10000), (0.50, 10000), (0.60, 10000), (0.70, 10000), (0.80, 10000),
+    (0.40, 20000), (0.50, 20000), (0.60, 20000), (0.70, 20000), (0.80, 20000), (0.85, 20000), (0.95, 20000),
+    (0.50, 30000), (0.60, 30000), (0.70, 30000), (0.80, 30000), (0.85, 30000), (0.60, 40000), (0.80, 40000),
+]  # fmt: skip
+
+
+def _model(aircraft: Aircraft, mach: float, altitude_ft: float) -> tuple[TrimPoint, LinearModel]:
+    airframe = JsbsimAirframe(aircraft, mach=mach, altitude_m=altitude_ft * FT)
+    point = trim(airframe)
+    return point, linearize(airframe, point)
+
+
+def _jsbsims_own(
+    aircraft: Aircraft, mach: float, altitude_ft: float
+) -> tuple[dict[str, float], np.ndarray, np.ndarray]:
+    """JSBSim's trim and FGLinearization on the overlay, with the actuator's lag taken out.
+
+    With the lag in, its alpha row of B is wrong (it reads alpha-dot one frame late); its inputs are normalized commands.
+    """
+    wrapper = _Fdm(aircraft, 0.005)
+    wrapper.configure(altitude_m=altitude_ft * FT, cg_shift_cbar=0.0)
+    fdm = wrapper.exec
+    fdm["fcs/elevator-lag-rad_s"] = 1e9
+    fdm["ic/mach"] = mach
+    fdm.run_ic()
+    fdm.do_trim(jsbsim.TrimMode.LONGITUDINAL) if hasattr(fdm, "do_trim") else fdm.do_simple_trim(0)
+    point = {
+        "alpha": fdm["aero/alpha-rad"],
+        "elevator": fdm["fcs/elevator-pos-rad"],
+        "throttle": fdm["fcs/throttle-cmd-norm"],
+    }
+    own = jsbsim.FGLinearization(fdm)
+    states, inputs = list(own.x_names), list(own.u_names)
+    rows = [states.index("Alpha"), states.index("Q")]
+    column = inputs.index("DeCmd")
+    A = np.array(own.system_matrix)[np.ix_(rows, rows)]
+    b = np.array(own.input_matrix)[rows, column] / aircraft.actuator.max_rad  # per rad: full command is the stop
+    return point, A, b
+
+
+@pytest.mark.parametrize(("mach", "altitude_ft"), CONDITIONS)
+def test_against_jsbsims_own_trim_and_linearizer(f16: Aircraft, mach: float, altitude_ft: float) -> None:
+    point, model = _model(f16, mach, altitude_ft)
+    theirs, A, b = _jsbsims_own(f16, mach, altitude_ft)
+    assert point.residual < 1e-8
+    # JSBSim stops trimming at 1e-3 ft/s^2: a few thousandths of a degree.
+    assert point.alpha_rad == pytest.approx(theirs["alpha"], abs=3e-3 * DEG)
+    assert point.elevator_rad == pytest.approx(theirs["elevator"], abs=3e-3 * DEG)
+    assert point.throttle_norm == pytest.approx(theirs["throttle"], abs=1e-4)
+    ours = short_period(model, actuator_rad_s=f16.actuator.lag_rad_s)
+    # Theirs is taken at their trim and with their own steps: 0.1 %, and 1e-3 1/s where M_alpha passes through zero.
+    np.testing.assert_allclose(ours.A, A, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(ours.b, b, rtol=1e-3, atol=1e-4)
+
+
+def _envelope() -> list[dict[str, float]]:
+    path = Path(__file__).parent / "golden" / "envelope.csv"
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
+
+
+def test_against_the_recorded_envelope(f16: Aircraft) -> None:
+    """94 points, sea level to 40,000 ft, trim to 1e-5 deg and derivatives to 0.01 %."""
+    rows = _envelope()
+    assert len(rows) == 94
+    for row in rows:
+        point, model = _model(f16, row["mach"], row["h_ft"])
+        where = f"Mach {row['mach']}, {row['h_ft']} ft"
+        assert point.alpha_rad / DEG == pytest.approx(row["alpha_deg"], abs=1e-5), where
+        assert point.elevator_rad / DEG == pytest.approx(row["elev_deg"], abs=1e-5), where
+        assert point.throttle_norm == pytest.approx(row["thr_norm"], abs=1e-6), where
+        sp = short_period(model, actuator_rad_s=20.2)
+        found = [*sp.A.ravel(), *sp.b]
+        assert found == pytest.approx([row[k] for k in ("Za", "Zq", "Ma", "Mq", "Zd", "Md")], rel=1e-4, abs=1e-6), where
+
+
+def test_the_main_condition_is_open_loop_unstable(f16: Aircraft, design: ShortPeriod) -> None:
+    assert max(p.real for p in design.poles) == pytest.approx(0.44, abs=0.005)
+    _, model = _model(f16, 0.8, 20000)
+    system = model.to_control()
+    assert system.state_labels == ["airspeed", "alpha", "theta", "q"]
+    assert system.input_labels == ["elevator", "throttle"]
+    assert np.sort_complex(system.poles()) == pytest.approx(np.sort_complex(model.eigenvalues()))
+
+
+def test_linear_model_predicts_a_small_motion(f16: Aircraft) -> None:
+    """Rates at a point near trim: the model's error falls with the square of the distance."""
+    airframe = JsbsimAirframe(f16, mach=0.7, altitude_m=6096.0)  # Mach 0.6 is a breakpoint of a table
+    point = trim(airframe)
+    model = linearize(airframe, point)
+    errors = []
+    for size in (1.0, 0.5):
+        dx, du = size * np.array([0.5, 0.002, 0.002, 0.002]), size * np.array([0.001, 0.002])
+        moved = airframe.rates(
+            type(point.motion)(*(np.array(point.motion) + dx)), type(point.controls)(*(np.array(point.controls) + du))
+        )
+        errors.append(np.abs(np.array(moved) - model.A @ dx - model.B @ du).max())
+    assert errors[1] < 0.35 * errors[0]
+
+
+def test_zero_order_hold_against_python_control(design: ShortPeriod) -> None:
+    import control
+
+    theirs = control.c2d(control.ss(design.A, design.b[:, None], np.eye(2), 0), 0.01, method="zoh")
+    A, b = zero_order_hold(design.A, design.b, 0.01)
+    np.testing.assert_allclose(A, theirs.A, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(b, theirs.B[:, 0], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("mach", "altitude_ft", "binding", "equation"),
+    [(0.30, 40000, "alpha max", "lift"), (1.5, 0, "throttle max", "speed")],
+)
+def test_no_trim_says_why(f16: Aircraft, mach: float, altitude_ft: float, binding: str, equation: str) -> None:
+    with pytest.raises(NoTrimError, match=f"residual .* in {equation}") as caught:
+        trim(JsbsimAirframe(f16, mach=mach, altitude_m=altitude_ft * FT))
+    assert binding in caught.value.binding
+    assert binding in str(caught.value)
+    assert abs(caught.value.residual[equation]) == max(map(abs, caught.value.residual.values())) > 0.01
+    assert caught.value.exit_code == 3
+
+
+def test_a_trim_beyond_a_limit_is_named_with_what_it_needs(f16: Aircraft) -> None:
+    """Level flight at Mach 0.35, 40,000 ft needs 27.3 deg: with the limit set to 25 the message says so."""
+    airframe = JsbsimAirframe(f16, mach=0.35, altitude_m=40000 * FT)
+    assert trim(airframe).alpha_rad / DEG == pytest.approx(27.3, abs=0.05)
+    airframe.limits = type(airframe.limits)((-10 * DEG, 25 * DEG), airframe.limits.throttle_norm)
+    with pytest.raises(NoTrimError, match=r"needs alpha 27\.3 deg, limit is 25\.0 deg"):
+        trim(airframe)
+
+
+def test_climbing_trim_points_the_flight_path_up(f16: Aircraft) -> None:
+    airframe = JsbsimAirframe(f16, mach=0.6, altitude_m=6096.0)
+    level, climb = trim(airframe), trim(airframe, gamma_rad=5 * DEG)
+    assert climb.theta_rad - climb.alpha_rad == pytest.approx(5 * DEG)
+    assert climb.throttle_norm > level.throttle_norm
+    assert climb.residual < 1e-8
