@@ -36,19 +36,20 @@ class Flight:
 def fly(flight: Flight) -> Iterator[Sample]:
     """Fly, yielding one Sample per control tick; stops at the end of the profile or after the sample that departs."""
     plant, sensors, law, adaptation = flight.plant, flight.sensors, flight.law, flight.adaptation
+    sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
     updates = [estimator.update for estimator in flight.estimators]
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
     hold = False
     for tick, (q_cmd, q_ref) in enumerate(commands):
         effectiveness = flight.effectiveness(tick)
-        truth = plant.sense()._replace(effectiveness=effectiveness)
-        measurement = sensors.read(tick, truth)
+        truth = sense(effectiveness)
+        measurement = read(tick, truth)
 
         estimates = tuple([update(measurement) for update in updates])
 
         believed = adaptation.believed(estimates[adaptation.estimator].effectiveness_smoothed) if estimates else 1.0
         feedback = adaptation.elevator_feedback(measurement.elevator_rad, believed)
-        demand = law.demand(measurement, q_ref_rad_s=q_ref, elevator_rad=feedback, hold=hold)
+        demand = demand_of(measurement, q_ref_rad_s=q_ref, elevator_rad=feedback, hold=hold)
         command = adaptation.command(demand, believed)
         hold = command != demand / believed
 
@@ -56,4 +57,4 @@ def fly(flight: Flight) -> Iterator[Sample]:
         deviation = truth.alpha_rad - flight.alpha_trim_rad
         if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth.q_rad_s):
             return
-        plant.advance(command, effectiveness)
+        advance(command, effectiveness)

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 Vector = npt.NDArray[np.float64]
 
 # column -> (field, factor from SI)
+_FLOWN_FIELDS = ("tick", "q_cmd_rad_s", "q_ref_rad_s", "elevator_cmd_rad")
+_FLOWN = {
+    "q_cmd_deg_s": ("q_cmd_rad_s", 1 / DEG),
+    "q_ref_deg_s": ("q_ref_rad_s", 1 / DEG),
+    "elevator_cmd_deg": ("elevator_cmd_rad", 1 / DEG),
+}
 _TRUTH = {
     "q_deg_s": ("q_rad_s", 1 / DEG),
     "alpha_deg": ("alpha_rad", 1 / DEG),
@@ -108,27 +114,22 @@ def read_trace(path: str | Path) -> Trace:
 
 
 def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz: int) -> Trace:
-    """Gather the samples of a flight into a trace."""
-    rows = list(samples)
-    tick = np.array([row.tick for row in rows], dtype=np.float64)
-    columns: dict[str, Vector] = {
-        "t_s": tick / control_hz,
-        "q_cmd_deg_s": np.array([row.q_cmd_rad_s for row in rows]) / DEG,
-        "q_ref_deg_s": np.array([row.q_ref_rad_s for row in rows]) / DEG,
-        "elevator_cmd_deg": np.array([row.elevator_cmd_rad for row in rows]) / DEG,
-    }
-    columns |= _columns([row.truth for row in rows], Truth._fields, _TRUTH)
-    columns |= _columns([row.measurement for row in rows], Measurement._fields, _MEASURED)
-    for i, name in enumerate(estimators):
-        columns |= _columns([row.estimates[i] for row in rows], Estimate._fields, _ESTIMATED, prefix=f"{name}.")
+    """Gather the samples of a flight into a trace, as they come; no sample is kept."""
+    flat: list[float] = []
+    extend = flat.extend
+    for tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd in samples:
+        extend((tick, q_cmd, q_ref, elevator_cmd))
+        extend(truth)
+        extend(measurement)
+        for estimate in estimates:
+            extend(estimate)
+    groups = [("", _FLOWN, _FLOWN_FIELDS), ("", _TRUTH, Truth._fields), ("", _MEASURED, Measurement._fields)]
+    groups += [(f"{name}.", _ESTIMATED, Estimate._fields) for name in estimators]
+    rows = np.array(flat, dtype=np.float64).reshape(-1, sum(len(fields) for _, _, fields in groups))
+    columns: dict[str, Vector] = {"t_s": rows[:, 0] / control_hz}
+    offset = 0
+    for prefix, wanted, fields in groups:
+        for column, (field, factor) in wanted.items():
+            columns[prefix + column] = rows[:, offset + fields.index(field)] * factor
+        offset += len(fields)
     return Trace(columns, tuple(estimators))
-
-
-def _columns(
-    rows: Sequence[tuple[float, ...]],
-    fields: tuple[str, ...],
-    wanted: Mapping[str, tuple[str, float]],
-    prefix: str = "",
-) -> dict[str, Vector]:
-    values = np.array(rows, dtype=np.float64).reshape(len(rows), len(fields))
-    return {prefix + column: values[:, fields.index(field)] * factor for column, (field, factor) in wanted.items()}

@@ -19,7 +19,22 @@ from flightbed.scenario import load_scenario
 from flightbed.trace import read_trace
 from flightbed.units import unit_of
 
-CONTRACT_COLUMNS = ["t_s", "q_cmd_deg_s", "q_ref_deg_s", "q_deg_s", "alpha_deg", "theta_deg", "q_meas_deg_s", "alpha_meas_deg", "elevator_cmd_deg", "elevator_deg", "mach", "altitude_ft", "nz_g", "effectiveness_true"]
+CONTRACT_COLUMNS = [
+    "t_s",
+    "q_cmd_deg_s",
+    "q_ref_deg_s",
+    "q_deg_s",
+    "alpha_deg",
+    "theta_deg",
+    "q_meas_deg_s",
+    "alpha_meas_deg",
+    "elevator_cmd_deg",
+    "elevator_deg",
+    "mach",
+    "altitude_ft",
+    "nz_g",
+    "effectiveness_true",
+]
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,9 @@ ROOT = Path(__file__).resolve().parents[1]
 def _run(*command: object, cwd: Path) -> str:
     # PIP_* and the like stay: they say where packages come from. PYTHONPATH would let the tree shine through.
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    done = subprocess.run([str(c) for c in command], cwd=cwd, capture_output=True, text=True, check=False, env=environment)
+    done = subprocess.run(
+        [str(c) for c in command], cwd=cwd, capture_output=True, text=True, check=False, env=environment
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

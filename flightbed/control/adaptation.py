@@ -32,7 +32,9 @@ class Adaptation:
 
     def believed(self, effectiveness_smoothed: float) -> float:
         """Return the K-hat to divide by."""
-        return max(effectiveness_smoothed, self.floor) if self.enabled else 1.0
+        if not self.enabled:
+            return 1.0
+        return effectiveness_smoothed if effectiveness_smoothed > self.floor else self.floor
 
     def elevator_feedback(self, elevator_rad: float, believed: float) -> float:
         """Return the deflection that the law is fed, rad."""
@@ -40,4 +42,5 @@ class Adaptation:
 
     def command(self, demand_rad: float, believed: float) -> float:
         """Return the command, cut at the stops, rad."""
-        return min(max(demand_rad / believed, self.min_rad), self.max_rad)
+        command = demand_rad / believed
+        return self.min_rad if command < self.min_rad else self.max_rad if command > self.max_rad else command

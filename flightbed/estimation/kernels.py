@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from math import sqrt
 from typing import ParamSpec, TypeVar, cast
 
 import numpy as np
@@ -16,6 +17,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 P_ = ParamSpec("P_")
 R_ = TypeVar("R_")
+
+_IDENTITY = np.eye(2)  # compiled in as a constant
 
 PLAIN = os.environ.get("FLIGHTBED_PLAIN", "") not in ("", "0")
 
@@ -164,41 +167,72 @@ def start(X: Array, P: Array, slot: int, x0: Array, P0: Array, anchor: bool, z: 
 
 @compiled
 def tick(
-    X: Array,
-    P: Array,
-    T: Array,
-    model: Array,
-    u: float,
-    Q: Array,
-    inflation: float,
-    H: Array,
-    r: Array,
-    z: tuple[float, ...],
-    k: int,
-    x0: Array,
-    P0: Array,
-    anchor: bool,
-) -> tuple[float, float, float, float, float]:
-    """Advance a bank by one sample, and return the estimate of the filter that has the most data.
+    bank: Array, settings: Array, u: float, z0: float, z1: float, k: int
+) -> tuple[float, float, float, float, float, float, float]:
+    """Advance a bank by one sample, both states measured, and return the estimate of the filter that has the most data.
 
     Tick 0 starts every filter. In a window (W > 1) filter k mod W has then seen exactly W samples: it gives the
     estimate and starts again; during the first W ticks filter 0 has the most data. With W = 1 nothing is restarted.
 
+    Few arguments, because each array costs the call from Python more than a filter's arithmetic does.
+
+    Args:
+        bank: the state, made by ``new_bank``; its last row holds the smoothed K-hat in column 0.
+        settings: as ``pack_settings`` lays them out; the model in it may be changed from tick to tick.
+        u: input over the period that ends now.
+        z0, z1: the readings of the two states.
+        k: number of the tick.
+
     Returns:
-        (K-hat, its variance, x-hat 0, x-hat 1, normalized innovation squared); at tick 0 the prior, with 0 for the last.
+        (K-hat in bounds, its standard deviation, smoothed K-hat, K-hat, state 0, state 1, normalized innovation squared);
+        at tick 0 the prior, with 0 for the last.
 
     """
-    n = H.shape[1]
-    W = X.shape[1]
+    X, P, T = bank[0:3], bank[3:12].reshape((3, 3, -1)), bank[12:24].reshape((4, 3, -1))
+    Q, x0, P0 = settings[0:4].reshape((2, 2)), settings[4:7], settings[7:16].reshape((3, 3))
+    inflation, anchor, keep, low, high = settings[16], settings[17] > 0.0, settings[18], settings[19], settings[20]
+    r, model, z = settings[21:23], settings[23:31].reshape((2, 4)), (z0, z1)
+    W = bank.shape[1]
+    best = 0
     if k == 0:
         for w in range(W):
             start(X, P, w, x0, P0, anchor, z, r)
-        return X[n, 0], P[n, n, 0], X[0, 0], X[n - 1, 0], 0.0
-    predict(X, P, T, model, u, Q, inflation)
-    correct(X, P, T, H, r, z)
-    slot = k % W
-    best = slot if k >= W else 0
-    result = (X[n, best], P[n, n, best], X[0, best], X[n - 1, best], T[n + 1, 0, best])
-    if W > 1:
-        start(X, P, slot, x0, P0, anchor, z, r)
+        T[3, 0, 0] = 0.0
+        bank[24, 0] = 1.0
+    else:
+        predict(X, P, T, model, u, Q, inflation)
+        correct(X, P, T, _IDENTITY, r, z)
+        if k >= W:
+            best = k % W
+    gain = X[2, best]
+    bounded = min(max(gain, low), high)
+    smoothed = keep * bank[24, 0] + (1.0 - keep) * bounded
+    bank[24, 0] = smoothed
+    result = (bounded, sqrt(P[2, 2, best]), smoothed, gain, X[0, best], X[1, best], T[3, 0, best])
+    if W > 1 and k > 0:
+        start(X, P, k % W, x0, P0, anchor, z, r)
     return result
+
+
+def new_bank(filters: int) -> Array:
+    """Return room for the state of W filters of (alpha, q, K): X, P, scratch, and a row for the smoother."""
+    return np.zeros((25, filters))
+
+
+def pack_settings(
+    *,
+    Q: Array,
+    x0: Array,
+    P0: Array,
+    inflation: float,
+    anchor: bool,
+    keep: float,
+    bounds: tuple[float, float],
+    r: Array,
+    model: Array,
+) -> Array:
+    """Return the settings of ``tick`` as one array.
+
+    Process noise, prior, memory, start, smoother, bounds, variances of the readings (2,), and model (2, 4) = [A | b | c].
+    """
+    return np.concatenate([Q.ravel(), x0, P0.ravel(), [inflation, float(anchor), keep, *bounds], r, model.ravel()])

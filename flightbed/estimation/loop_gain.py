@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 
 import numpy as np
 import numpy.typing as npt
@@ -68,48 +67,32 @@ class LoopGain:
 
     def __init__(self, config: LoopGainConfig, *, design: ShortPeriod, noise: SensorNoise, control_hz: int) -> None:
         discrete = design.discrete(control_hz)
-        filters = config.window if config.memory == "window" else 1
         self._alpha_trim = design.alpha_trim_rad
         # Absolute: the known part of the input is -delta_trim, an affine term; else it is subtracted from u.
         self._input_offset = 0.0 if config.absolute else design.elevator_trim_rad
         affine = -discrete.b * design.elevator_trim_rad if config.absolute else np.zeros(2)
-        self._model = np.column_stack([discrete.A, discrete.b, affine])
         dt = 1.0 / control_hz
-        self._Q = np.diag([(config.alpha_disturbance_rad_s * dt) ** 2, (config.q_disturbance_rad_s2 * dt) ** 2])
-        self._inflation = 1.0 / config.forgetting if config.memory == "fading" else 1.0
-        self._H, self._r = np.eye(2), np.array([noise.alpha_rad**2, noise.q_rad_s**2])
-        self._x0 = np.array([config.prior_alpha_rad, config.prior_q_rad_s, config.prior_effectiveness])
-        self._P0 = np.diag([config.prior_alpha_var, config.prior_q_var, config.prior_effectiveness_var])
-        self._anchor = config.prior_from_measurement
-        self._X, self._P, self._T = np.zeros((3, filters)), np.zeros((3, 3, filters)), np.zeros((4, 3, filters))
-        self._low, self._high = config.bounds
-        self._keep = config.smoothing
-        self._smoothed = 1.0
+        self._settings = kernels.pack_settings(
+            Q=np.diag([(config.alpha_disturbance_rad_s * dt) ** 2, (config.q_disturbance_rad_s2 * dt) ** 2]),
+            x0=np.array([config.prior_alpha_rad, config.prior_q_rad_s, config.prior_effectiveness]),
+            P0=np.diag([config.prior_alpha_var, config.prior_q_var, config.prior_effectiveness_var]),
+            inflation=1.0 / config.forgetting if config.memory == "fading" else 1.0,
+            anchor=config.prior_from_measurement,
+            keep=config.smoothing,
+            bounds=config.bounds,
+            r=np.array([noise.alpha_rad**2, noise.q_rad_s**2]),
+            model=np.column_stack([discrete.A, discrete.b, affine]),
+        )
+        self._bank = kernels.new_bank(config.window if config.memory == "window" else 1)
         self._tick = 0
-        self._advance(Measurement(0.0, 0.0, 0.0, 0.0))  # compile or load now, not in flight; tick 0 starts it all anew
+        # Compile, or load what was compiled, now and not in flight; tick 0 starts all anew.
+        kernels.tick(self._bank, self._settings, 0.0, 0.0, 0.0, 0)
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
-        gain, variance, alpha, q, nis = self._advance(measurement)
-        self._tick += 1
-        bounded = min(max(gain, self._low), self._high)
-        self._smoothed = self._keep * self._smoothed + (1.0 - self._keep) * bounded
-        return Estimate(bounded, sqrt(variance), self._smoothed, gain, alpha + self._alpha_trim, q, nis)
-
-    def _advance(self, measurement: Measurement) -> tuple[float, float, float, float, float]:
-        return kernels.tick(
-            self._X,
-            self._P,
-            self._T,
-            self._model,
-            measurement.elevator_mean_rad - self._input_offset,
-            self._Q,
-            self._inflation,
-            self._H,
-            self._r,
-            (measurement.alpha_rad - self._alpha_trim, measurement.q_rad_s),
-            self._tick,
-            self._x0,
-            self._P0,
-            self._anchor,
+        alpha, q, _, elevator = measurement
+        bounded, std, smoothed, gain, alpha_hat, q_hat, nis = kernels.tick(
+            self._bank, self._settings, elevator - self._input_offset, alpha - self._alpha_trim, q, self._tick
         )
+        self._tick += 1
+        return Estimate(bounded, std, smoothed, gain, alpha_hat + self._alpha_trim, q_hat, nis)

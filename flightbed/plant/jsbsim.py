@@ -210,7 +210,7 @@ class JsbsimPlant:
     ) -> None:
         self._fdm = fdm = _Fdm(aircraft, 1.0 / plant_hz)
         self._substeps = plant_hz // control_hz
-        self._limit = aircraft.actuator
+        self._stops = aircraft.actuator.min_rad, aircraft.actuator.max_rad
         fdm.configure(altitude_m=start.altitude_m, cg_shift_cbar=cg_shift_cbar)
         fdm.set("ic/vt-fps", start.airspeed_m_s / FT)
         fdm.set("ic/alpha-rad", start.alpha_rad)
@@ -243,12 +243,12 @@ class JsbsimPlant:
             )
         )
         self._latitude, self._longitude = self._get[8](), self._get[9]()
-        self._radius_m = fdm.getter("position/radius-to-vehicle-ft")() * FT
+        self._north_m = fdm.getter("position/radius-to-vehicle-ft")() * FT  # per rad of latitude
+        self._east_m = self._north_m * cos(self._latitude)
         self._mean_elevator = self._elevator()
-        self._gain = 1.0
 
-    def sense(self) -> Truth:
-        """Return the truth at the present tick."""
+    def sense(self, effectiveness: float = 1.0) -> Truth:
+        """Return the truth at the present tick; the effectiveness is the one that acts from now on."""
         (alpha, q, theta, phi, psi, airspeed, mach, altitude, latitude, longitude, nz) = [get() for get in self._get]
         return Truth(
             alpha,
@@ -259,12 +259,12 @@ class JsbsimPlant:
             airspeed * FT,
             mach,
             altitude * FT,
-            (latitude - self._latitude) * self._radius_m,
-            (longitude - self._longitude) * self._radius_m * cos(self._latitude),
+            (latitude - self._latitude) * self._north_m,
+            (longitude - self._longitude) * self._east_m,
             nz,
             self._elevator(),
             self._mean_elevator,
-            self._gain,
+            effectiveness,
         )
 
     def advance(self, elevator_cmd_rad: float, effectiveness: float) -> None:
@@ -272,10 +272,9 @@ class JsbsimPlant:
 
         The command is clamped to the stops first: JSBSim's rate limiter runs on beyond them and comes back late.
         """
-        limit = self._limit
-        self._command(min(max(elevator_cmd_rad, limit.min_rad), limit.max_rad))
+        low, high = self._stops
+        self._command(low if elevator_cmd_rad < low else high if elevator_cmd_rad > high else elevator_cmd_rad)
         self._effectiveness(effectiveness)
-        self._gain = effectiveness
         elevator, run, total = self._elevator, self._run, 0.0
         for _ in range(self._substeps):
             # A frame moves the aircraft with the accelerations, and so the deflection, of the frame before.

@@ -32,9 +32,8 @@ class LinearPlant:
         self._x = np.zeros(4)  # alpha, q, elevator, in deviations from trim; integral of elevator over the period
         self._mean = design.elevator_trim_rad
         self._theta = design.alpha_trim_rad
-        self._gain = 1.0
 
-    def sense(self) -> Truth:
+    def sense(self, effectiveness: float = 1.0) -> Truth:
         """Return the truth at the present tick; what a short period does not have is nan."""
         d = self._design
         return Truth(
@@ -51,12 +50,12 @@ class LinearPlant:
             nz_g=nan,
             elevator_rad=d.elevator_trim_rad + float(self._x[2]),
             elevator_mean_rad=self._mean,
-            effectiveness=self._gain,
+            effectiveness=effectiveness,
         )
 
     def advance(self, elevator_cmd_rad: float, effectiveness: float) -> None:
         """Fly one control period with the command held."""
-        d, self._gain = self._design, effectiveness
+        d = self._design
         phi, gamma = self._transition(effectiveness)
         # Deviation input plus, in the absolute form, the moment that the trim deflection has lost.
         lost = (effectiveness - 1.0) * d.elevator_trim_rad if self._absolute else 0.0

@@ -42,12 +42,12 @@ def test_nis_and_nees_are_chi_square_when_the_model_is_true(
         if config.memory == "expanding":
             error = np.array(
                 [
-                    estimator._X[0, 0] - (final.truth.alpha_rad - design.alpha_trim_rad),
-                    estimator._X[1, 0] - final.truth.q_rad_s,
-                    estimator._X[2, 0] - K,
+                    estimator._bank[0, 0] - (final.truth.alpha_rad - design.alpha_trim_rad),
+                    estimator._bank[1, 0] - final.truth.q_rad_s,
+                    estimator._bank[2, 0] - K,
                 ]
             )
-            nees_x += float(error @ np.linalg.solve(estimator._P[:, :, 0], error))
+            nees_x += float(error @ np.linalg.solve(estimator._bank[3:12, 0].reshape(3, 3), error))
     assert chi2.ppf(TAIL, nis_count) < nis_sum < chi2.ppf(1 - TAIL, nis_count), (nis_sum, nis_count)
     assert chi2.ppf(TAIL, RUNS) < nees_sum < chi2.ppf(1 - TAIL, RUNS), (nees_sum, RUNS)
     if config.memory == "expanding":

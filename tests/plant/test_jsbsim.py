@@ -159,7 +159,7 @@ def test_effectiveness_scales_the_moment_of_the_whole_deflection(f16: Aircraft, 
     plant = _plant(f16, point)
     for _ in range(3):
         plant.advance(point.elevator_rad, 0.2)
-    flown = plant.sense()
+    flown = plant.sense(0.2)
     assert flown.effectiveness == 0.2
     # Two frames of three ticks lag behind; q' = -M_delta (1 - K) delta_trim, to a few per cent over 25 ms.
     assert flown.q_rad_s / 0.025 == pytest.approx(13.81 * 0.8 * point.elevator_rad, rel=0.05)
