@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import zlib
 
+import hypothesis
 import numpy as np
 import pytest
 
 os.environ.pop("RERUN", None)  # RERUN=off would turn every recording into nothing
+hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)
+hypothesis.settings.load_profile("repeatable")
 
 from flightbed.aircraft import Aircraft, load_aircraft
 from flightbed.linearize import linearize
