@@ -9,16 +9,16 @@ import hypothesis
 import numpy as np
 import pytest
 
-os.environ.pop("RERUN", None)  # RERUN=off would turn every recording into nothing
-hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)
-hypothesis.settings.load_profile("repeatable")
-
 from flightbed.aircraft import Aircraft, load_aircraft
 from flightbed.linearize import linearize
 from flightbed.plant.jsbsim import JsbsimAirframe
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import trim
 from flightbed.units import FT
+
+os.environ.pop("RERUN", None)  # RERUN=off would turn every recording into nothing
+hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)
+hypothesis.settings.load_profile("repeatable")
 
 
 @pytest.fixture(scope="session")
