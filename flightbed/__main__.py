@@ -1,5 +1,20 @@
-"""``python -m flightbed``."""
+"""``python -m flightbed``, and the console command: an interrupt is one line even while the modules are still loading."""
 
-from flightbed.cli import main
+from __future__ import annotations
 
-main()
+import sys
+from typing import NoReturn
+
+
+def main() -> NoReturn:
+    """Run the command line."""
+    try:
+        from flightbed.cli import main as run
+    except KeyboardInterrupt:
+        print("flightbed: interrupted; nothing was written", file=sys.stderr)  # noqa: T201
+        sys.exit(130)
+    run()
+
+
+if __name__ == "__main__":
+    main()

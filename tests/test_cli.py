@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -79,18 +80,27 @@ def test_errors_are_one_clear_line(tmp_path: Path, arguments: list[str], code: i
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interrupted_flight_leaves_nothing(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    scratch, away = tmp_path / "scratch", tmp_path / "away"
+    scratch.mkdir()
+    away.mkdir()
     process = subprocess.Popen(
         [*COMMAND, "run", "nominal", "--set", "duration_s=36000", "--out", "x"],
-        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        cwd=away, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": str(scratch)},
     )  # fmt: skip
-    time.sleep(5.0)
+    deadline = time.monotonic() + 120.0
+    while not list(scratch.glob("flightbed-*/*/f16/f16.xml")):  # the aircraft has been built: the flight begins
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    time.sleep(2.0)
     assert process.poll() is None
     process.send_signal(number)
-    stdout, stderr = process.communicate(timeout=30)
+    stdout, stderr = process.communicate(timeout=60)
     assert process.returncode == code
     assert stdout == ""
     assert stderr == ("flightbed: interrupted; nothing was written\n" if number == signal.SIGINT else "")
-    assert list(tmp_path.iterdir()) == []
+    assert list(away.iterdir()) == []
+    assert list(scratch.iterdir()) == []
 
 
 def test_killed_while_writing_leaves_no_half_run(tmp_path: Path) -> None:
