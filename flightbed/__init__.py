@@ -38,6 +38,14 @@ _LATER = {
 
 
 def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("flightbed")
     if name in _LATER:
         return getattr(import_module(f"flightbed.{_LATER[name]}"), name)
     raise AttributeError(f"module 'flightbed' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -17,7 +17,7 @@ from string import Template
 from typing import Any
 
 from flightbed import data
-from flightbed.errors import AircraftError
+from flightbed.errors import AircraftError, did_you_mean
 from flightbed.units import DEG
 
 
@@ -93,6 +93,15 @@ class Aircraft:
                 raise AircraftError(f"aircraft {self.name}: edits.{number} ({edit.get('do')}): {reason}") from None
         return ET.tostring(root, encoding="unicode").encode()
 
+    def references(self) -> list[tuple[str, str]]:
+        """Return (file, property) for every property that the snippets refer to."""
+        return [
+            (file, text.removeprefix("-"))
+            for file, snippet in self.snippets.items()
+            for element in ET.fromstring(snippet).iter()
+            if "/" in (text := (element.text or "").strip())
+        ]
+
     @cached_property
     def sha256(self) -> str:
         """Hash of everything that defines this aircraft: stock model, edits and numbers."""
@@ -118,6 +127,7 @@ def load_aircraft(name: str) -> Aircraft:
     path = folder / "aircraft.toml"
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        _check(raw, path)
         elevator = raw["elevator"]
         numbers = {key: float(value) for key, value in elevator.items()}
         numbers |= {key.replace("_deg", "_rad"): value * DEG for key, value in numbers.items() if "_deg" in key}
@@ -142,8 +152,47 @@ def load_aircraft(name: str) -> Aircraft:
         )
     except KeyError as error:
         raise AircraftError(f"{path}: {error} is missing") from None
+    except FileNotFoundError as error:
+        raise AircraftError(f"{path}: names the file {Path(error.filename).name}, which is not beside it") from None
     except (OSError, ValueError, TypeError, IndexError, tomllib.TOMLDecodeError) as error:
         raise AircraftError(f"{path}: {error}") from None
+
+
+_KEYS = {
+    "": {"schema", "name", "description", "stock", "elevator", "limits", "properties", "edits"},
+    "stock": {"file", "sha256"},
+    "elevator": {"lag_rad_s", "rate_limit_deg_s", "min_deg", "max_deg"},
+    "limits": {"alpha_deg", "throttle_norm"},
+    "properties": {"elevator_cmd_rad", "elevator_rad", "effectiveness", "throttle_norm"},
+}
+
+
+def _check(raw: Mapping[str, Any], path: Path) -> None:
+    """Refuse unknown and missing keys, and numbers that no aircraft has."""
+    for table, known in _KEYS.items():
+        found = raw if not table else raw.get(table, {})
+        dot = f"{table}." if table else ""
+        for key in sorted(set(found) - known):
+            raise AircraftError(f"{path}: unknown key {dot}{key}{did_you_mean(key, known)}")
+        for key in sorted(known - set(found)):
+            raise AircraftError(f"{path}: {dot}{key} is missing")
+    elevator, limits = raw["elevator"], raw["limits"]
+    for key in ("lag_rad_s", "rate_limit_deg_s"):
+        if not elevator[key] > 0:
+            raise AircraftError(f"{path}: elevator.{key}: must be above 0 (got {elevator[key]})")
+    for place, (low, high) in {
+        "elevator.min_deg, max_deg": (elevator["min_deg"], elevator["max_deg"]),
+        "limits.alpha_deg": limits["alpha_deg"],
+        "limits.throttle_norm": limits["throttle_norm"],
+    }.items():
+        if not low < high:
+            raise AircraftError(f"{path}: {place}: must rise (got {low}, {high})")
+
+
+def load_path(name: str) -> str:
+    """Return what names an aircraft from any directory: a shipped name as it is, a folder by its absolute path."""
+    folder = data.find("aircraft", name)
+    return name if folder.parent == data.shipped("aircraft") else str(folder.resolve())
 
 
 class _EditError(Exception):
@@ -167,13 +216,38 @@ def _declare(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, 
     _section(root, "flight_control").insert(0, element)
 
 
-def _replace_channel(root: ET.Element, edit: Mapping[str, Any], snippets: Mapping[str, str]) -> None:
+def _channel(root: ET.Element, name: str) -> tuple[ET.Element, int]:
     control = _section(root, "flight_control")
-    places = [i for i, c in enumerate(control) if c.tag == "channel" and c.get("name") == edit["channel"]]
+    places = [i for i, c in enumerate(control) if c.tag == "channel" and c.get("name") == name]
     if len(places) != 1:
-        raise _EditError(f"expected one channel {edit['channel']}, found {len(places)}")
-    # In place: channels run in file order.
-    control[places[0]] = ET.fromstring(snippets[edit["with"]])
+        raise _EditError(f"expected one channel {name}, found {len(places)}")
+    return control, places[0]
+
+
+def _replace_channel(root: ET.Element, edit: Mapping[str, Any], snippets: Mapping[str, str]) -> None:
+    control, place = _channel(root, edit["channel"])
+    control[place] = ET.fromstring(snippets[edit["with"]])  # in place: channels run in file order
+
+
+def _insert_channel(root: ET.Element, edit: Mapping[str, Any], snippets: Mapping[str, str]) -> None:
+    control, place = _channel(root, edit["before"])
+    control.insert(place, ET.fromstring(snippets[edit["with"]]))
+
+
+def _rewire_channel(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    control, place = _channel(root, edit["channel"])
+    hits = [
+        e for e in control[place].iter() if (e.text or "").strip() == edit["from"] or e.get("value") == edit["from"]
+    ]
+    if len(hits) != edit["count"]:
+        raise _EditError(
+            f"expected {edit['from']} {edit['count']} times in channel {edit['channel']}, found {len(hits)}"
+        )
+    for element in hits:
+        if element.get("value") == edit["from"]:
+            element.set("value", edit["to"])
+        else:
+            element.text = edit["to"]
 
 
 def _rewire(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
@@ -209,6 +283,8 @@ def _remove_systems(root: ET.Element, edit: Mapping[str, Any], _snippets: Mappin
 _EDITS = {
     "declare": _declare,
     "replace-channel": _replace_channel,
+    "insert-channel": _insert_channel,
+    "rewire-channel": _rewire_channel,
     "rewire": _rewire,
     "remove-functions": _remove_functions,
     "remove-systems": _remove_systems,

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from flightbed.aircraft import Actuator
+from flightbed.metrics import at_stop
 from flightbed.scenario import Scenario
 from flightbed.trace import Trace
-from flightbed.units import DEG
 
 
 def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
@@ -20,27 +20,36 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
         f"| {_show(m['first_within_20pct_s'], '.2f')} | {_show(m['nis_mean'], '.2f')} |\n"
         for name, m in summary["estimators"].items()
     )
-    failures = (
-        "\n".join(f"- {f.at_s:g} s: {f.surface} keeps {f.to:.0%} of its effect" for f in scenario.failures) or "- none"
-    )
     adapts = f"1/K from `{scenario.adaptation.estimator}`" if scenario.adaptation.enabled else "off"
-    outcome = (
-        f"**departed at {summary['departed_at_s']:.2f} s**"
-        if summary["departed"]
-        else f"flown to {summary['flown_s']:g} s"
-    )
     return (
         f"# {scenario.name}\n\n{scenario.description}\n\n"
-        f"**{scenario.aircraft.model}**, Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft, seed {scenario.seed}: {outcome}\n\n"
+        f"**{scenario.aircraft.model}**, Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft, seed {scenario.seed}: "
+        f"**{outcome(summary)}**\n\n"
         f"- trim: alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg\n"
         f"- law: {scenario.control.law}; adaptation: {adapts}\n"
         f"- tracking RMS: {_show(summary['tracking_rms_pre_deg_s'], '.2f')} deg/s before, "
-        f"{_show(summary['tracking_rms_post_deg_s'], '.2f')} deg/s after the failure\n\n"
-        f"Failures\n{failures}\n\n"
+        f"{_show(summary['tracking_rms_post_deg_s'], '.2f')} deg/s from 0.3 s after the failure\n\n"
+        f"- failures: {'; '.join(failures(scenario)) or 'none'}\n\n"
         f"| estimator | median abs. error | smoothed RMS error "
-        f"| within 20 % after, s | mean NIS (2) |\n|---|---|---|---|---|\n{estimators}\n"
+        f"| first within 20 %, s | mean NIS (2) |\n|---|---|---|---|---|\n{estimators}\n"
         f"flightbed {summary['versions']['flightbed']}, JSBSim {summary['versions']['jsbsim']}\n"
     )
+
+
+def outcome(summary: dict[str, Any]) -> str:
+    """Return in words how a flight ended."""
+    failed = summary["failed_at_s"]
+    after = "" if failed is None else f", {summary['flown_s'] - failed:.2f} s after the failure"
+    if summary["departed"]:
+        return f"departed at {summary['departed_at_s']:.2f} s{after}"
+    if summary["ended"] == "ground":
+        return f"hit the ground at {summary['flown_s']:.2f} s{after}"
+    return f"flown to {summary['flown_s']:g} s"
+
+
+def failures(scenario: Scenario) -> list[str]:
+    """Return the failures of a scenario in words."""
+    return [f"at {f.at_s:g} s the {f.surface} keeps {f.to:.0%} of its effect" for f in scenario.failures]
 
 
 def events(
@@ -56,10 +65,11 @@ def events(
     for name, m in summary["estimators"].items():
         if m["first_within_20pct_s"] is not None:
             happened.append((failed_at + m["first_within_20pct_s"], f"K of '{name}' within 20 % of the truth", False))
-    command = trace["elevator_cmd_deg"] * DEG
-    at_stop = (command <= actuator.min_rad + 1e-9) | (command >= actuator.max_rad - 1e-9)
-    rising = np.flatnonzero(at_stop & ~np.concatenate([[False], at_stop[:-1]]))
+    cut = at_stop(trace, actuator)
+    rising = np.flatnonzero(cut & ~np.concatenate([[False], cut[:-1]]))
     happened += [(float(trace["t_s"][i]), "elevator command at its stop", False) for i in rising]
+    if summary["ended"] == "ground":
+        happened.append((summary["flown_s"], "HIT THE GROUND", True))
     if summary["departed"]:
         happened.append((summary["departed_at_s"], "DEPARTED: alpha more than 25 deg from trim", True))
     return sorted(happened)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_module
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -72,17 +73,17 @@ def run(
     Args:
         scenario: A shipped name (see `flightbed list scenarios`) or the path of a TOML file.
         out: Folder to write; an earlier run in it is replaced. Without it: runs/NAME, or runs/NAME-2, ... if that exists.
-        set_: KEY=VALUE, replaces one key of the scenario, for example failures.0.to=0.35. May be repeated.
+        set_: KEY=VALUE, replaces one key of the scenario, as in --set failures.0.to=0.35; repeat --set for each key.
         rerun: Whether to write the Rerun recording.
-        json: Print metrics.json, and nothing else, on stdout.
+        json: Print what metrics.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
-    from flightbed.folder import free_folder
     from flightbed.mission import run as fly
     from flightbed.scenario import load_scenario
 
     settings = load_scenario(scenario, set_ or ())
-    result = fly(settings, out if out is not None else free_folder(settings.name), rerun=rerun == "save")
+    place = out if out is not None else Path("runs") / settings.name
+    result = fly(settings, place, rerun=rerun == "save", replace=out is not None)
     if json:
         print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))  # noqa: T201
     else:
@@ -103,6 +104,11 @@ def view(run_folder: str, /) -> int:
     recording = folder_of(run_folder) / "flight.rrd"
     if not recording.is_file():
         raise OutputError(f"{recording}: there is no recording; fly the scenario again with --rerun save")
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise OutputError(
+            f"there is no display for the viewer; copy {recording} to a machine that has one, or serve it to a browser: "
+            f"rerun --web-viewer {recording}"
+        )
     return show(recording)
 
 
@@ -138,33 +144,33 @@ def list_(family: Family | None = None, /) -> None:
 
 
 def _show(result: Result) -> None:
+    from flightbed.card import failures, outcome
+
     summary, scenario = result.summary, result.plan.scenario
-    trim, gains = result.plan.trim, summary["gains"]
-    _out.print(f"[bold]{scenario.name}[/bold]  {escape(scenario.description)}", soft_wrap=True)
+    trim, adaptation = summary["trim"], scenario.adaptation
     poles = ", ".join(f"{re:+.2f}{f'{im:+.2f}j' if im else ''}" for re, im in summary["short_period"]["poles_rad_s"])
-    _out.print(
-        f"  {scenario.aircraft.model} at Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft: "
-        f"alpha {summary['trim']['alpha_deg']:.3f} deg, elevator {summary['trim']['elevator_deg']:.3f} deg, "
-        f"residual {trim.residual:.0e}; short-period poles {poles} rad/s",
-        soft_wrap=True,
-    )
-    _out.print(
-        f"  law {scenario.control.law}: " + ", ".join(f"{k} {v:.4g}" for k, v in gains.items() if v), soft_wrap=True
-    )
-    failed = summary["failed_at_s"]
-    if summary["departed"]:
-        when = summary["departed_at_s"]
-        after = f", {when - failed:.2f} s after the failure" if failed is not None and when > failed else ""
-        _out.print(f"  [bold red]departed at {when:.2f} s{after}[/bold red]")
-    else:
-        _out.print(
-            f"  [bold green]flown to {summary['flown_s']:g} s[/bold green], "
-            f"largest |alpha| {abs(result.trace['alpha_deg']).max():.1f} deg"
-        )
-    _out.print(
-        f"  tracking RMS of q: {_number(summary['tracking_rms_pre_deg_s'])} deg/s"
-        + ("" if failed is None else f" before, {_number(summary['tracking_rms_post_deg_s'])} deg/s after the failure")
-    )
+    corrected = f"corrected by 1/K of '{adaptation.estimator}'" if adaptation.enabled else "not corrected"
+    gains = ", ".join(f"{name} {value:.3g}" for name, value in summary["gains"].items() if value)
+    before, after = summary["tracking_rms_pre_deg_s"], summary["tracking_rms_post_deg_s"]
+    color = "green" if summary["ended"] == "time" else "red"
+    _out.print(f"[bold]{scenario.name}[/bold]: {escape(scenario.description)}")
+    grid = Table.grid(padding=(0, 1))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column()
+    for name, text in {
+        "condition": f"{result.plan.aircraft.name}, Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft",
+        "trim": f"alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg, residual {trim['residual']:.0e}",
+        "poles": f"{poles} rad/s, short period, open loop",
+        "law": f"{scenario.control.law}, {corrected}",
+        "gains": gains,
+        "failures": "; ".join(failures(scenario)) or "none",
+        "outcome": f"[bold {color}]{outcome(summary)}[/bold {color}]; |alpha| up to "
+        f"{abs(result.trace['alpha_deg']).max():.1f} deg; at a stop {summary['elevator_at_stop_share']:.0%} of the time",
+        "tracking": f"RMS of q - q_ref {_number(before)} deg/s"
+        + ("" if summary["failed_at_s"] is None else f", {_number(after)} deg/s from 0.3 s after the failure"),
+    }.items():
+        grid.add_row(f"  {name}", text)
+    _out.print(grid)
     if summary["estimators"]:
         _out.print(_estimates(summary))
     _out.print(
@@ -175,10 +181,9 @@ def _show(result: Result) -> None:
 
 def _estimates(summary: dict[str, Any]) -> Table:
     table = Table(box=None, header_style="dim", padding=(0, 1))
-    table.add_column("  estimator", no_wrap=True)
-    for heading in ("final K", "|error|", "smoothed", "in 20 %", "smoothed", "mean NIS"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_row("", "", "median", "RMS", "after", "after", "(2)", style="dim")
+    for heading in ("  estimator", "K at end", "median", "smoothed,", "first in", "smoothed", "NIS"):
+        table.add_column(heading, justify="left" if "estimator" in heading else "right", no_wrap=True)
+    table.add_row("", "", "|error|", "RMS error", "+-20 %", "in +-20 %", "(2 is right)", style="dim")
     for name, m in summary["estimators"].items():
         table.add_row(
             f"  {name}",

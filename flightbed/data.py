@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from flightbed.errors import UnknownNameError
+from flightbed.errors import InputError, UnknownNameError
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -32,7 +32,7 @@ def names(kind: str) -> Iterator[str]:
 def find(kind: str, name: str) -> Path:
     """Return the folder of an aircraft or the file of a scenario, given a shipped name or a path of the user's own.
 
-    A path wins when it exists. Raises UnknownNameError when neither does.
+    A path wins when it exists. Raises UnknownNameError or InputError when neither does.
     """
     marker = "aircraft.toml" if kind == "aircraft" else ""
     own = Path(name).expanduser()
@@ -41,4 +41,11 @@ def find(kind: str, name: str) -> Path:
     candidate = shipped(kind) / (name if kind == "aircraft" else f"{name}.toml")
     if Path(name).name == name and (candidate / marker).is_file():
         return candidate
+    if own.is_dir():
+        what = f"has no {marker}" if marker else "is a folder; name the TOML file in it"
+        raise InputError(f"{kind} {name}: {what}")
+    if kind == "aircraft" and own.is_file():
+        raise InputError(f"{kind} {name}: is a file; name the folder")
+    if "/" in name or name.endswith(".toml"):
+        raise InputError(f"{kind} {name}: there is no such {'file' if kind == 'scenario' else 'folder'}")
     raise UnknownNameError(kind, name, names(kind), also=" (neither a shipped name nor a path)")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import tempfile
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,22 +18,12 @@ if TYPE_CHECKING:
 _FILES = ("scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html")
 
 
-def free_folder(name: str) -> Path:
-    """Return the first of runs/NAME, runs/NAME-2, ... that does not exist."""
-    base = Path("runs") / name
-    number, candidate = 1, base
-    while candidate.exists():
-        number += 1
-        candidate = base.with_name(f"{name}-{number}")
-    return candidate
-
-
-def check_target(target: Path) -> Path:
+def check_target(target: Path, *, replace: bool) -> Path:
     """Refuse a target that would lose something, and one that cannot be written, before flying."""
     try:
-        if target.exists() and not target.is_dir():
+        if replace and target.exists() and not target.is_dir():
             raise OutputError(f"--out {target}: is a file; name a folder")
-        if target.is_dir():
+        if replace and target.is_dir():
             strangers = sorted(p.name for p in target.iterdir() if p.name not in _FILES)
             if strangers:
                 raise OutputError(f"--out {target}: holds '{strangers[0]}', which is not from a run; name a new folder")
@@ -42,8 +34,8 @@ def check_target(target: Path) -> Path:
     return target
 
 
-def write_run(result: Result, target: Path, *, rerun: bool) -> None:
-    """Write beside the target and move into place: the folder appears whole or not at all."""
+def write_run(result: Result, target: Path, *, rerun: bool, replace: bool) -> Path:
+    """Write beside the target and move into place: the folder appears whole or not at all. Returns where it went."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(
@@ -58,9 +50,26 @@ def write_run(result: Result, target: Path, *, rerun: bool) -> None:
             result.trace.write(new / "trace.parquet")
             if rerun:
                 _record(result, new / "flight.rrd")
+            if not replace:
+                return _first_free(target, new)
             _replace(target, new, Path(scratch) / "old")
+            return target
     except OSError as error:
         raise OutputError(f"--out {target}: cannot be written: {error.strerror or error}") from None
+
+
+def _first_free(target: Path, new: Path) -> Path:
+    """Move ``new`` to the first free one of TARGET, TARGET-2, ...; runs that end at once take one each."""
+    for number in count(1):
+        place = target if number == 1 else target.with_name(f"{target.name}-{number}")
+        if place.exists():
+            continue
+        try:
+            return new.rename(place)
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):
+                raise
+    raise AssertionError
 
 
 def _replace(target: Path, new: Path, old: Path) -> None:

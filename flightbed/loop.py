@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 
 from flightbed.command.base import Profile
 from flightbed.control.adaptation import Adaptation
@@ -31,15 +31,16 @@ class Flight:
     adaptation: Adaptation
     estimators: Sequence[Estimator]
     alpha_trim_rad: float
+    floor_m: float = -inf  # altitude at which the flight ends in the ground
 
 
 def fly(flight: Flight) -> Iterator[Sample]:
-    """Fly, yielding one Sample per control tick; stops at the end of the profile or after the sample that departs."""
+    """Fly, yielding one Sample per control tick; stops at the end of the profile, or after the sample that departs or hits the ground."""
     plant, sensors, law, adaptation = flight.plant, flight.sensors, flight.law, flight.adaptation
     sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
     updates = [estimator.update for estimator in flight.estimators]
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
-    hold = False
+    hold, floor = False, flight.floor_m
     for tick, (q_cmd, q_ref) in enumerate(commands):
         effectiveness = flight.effectiveness(tick)
         truth = sense(effectiveness)
@@ -55,6 +56,6 @@ def fly(flight: Flight) -> Iterator[Sample]:
 
         yield Sample(tick, q_cmd, q_ref, truth, measurement, estimates, command)
         deviation = truth.alpha_rad - flight.alpha_trim_rad
-        if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth.q_rad_s):
+        if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth.q_rad_s) or truth.altitude_m < floor:
             return
         advance(command, effectiveness)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.aircraft import Actuator
 from flightbed.loop import DEPARTURE_RAD
 from flightbed.trace import Trace
 from flightbed.units import DEG
@@ -118,6 +119,12 @@ def _rms(values: Vector) -> float | None:
 
 def _finite(value: float | np.floating[Any]) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def at_stop(trace: Trace, actuator: Actuator) -> npt.NDArray[np.bool_]:
+    """Return at which ticks the elevator command is cut at a stop."""
+    command = trace["elevator_cmd_deg"] * DEG
+    return (command <= actuator.min_rad + 1e-9) | (command >= actuator.max_rad - 1e-9)
 
 
 def snr_db(

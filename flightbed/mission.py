@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import platform
 import time
 from collections.abc import Iterator
@@ -13,17 +14,17 @@ from typing import Any
 import numpy as np
 
 from flightbed import factories, registry
-from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.aircraft import Aircraft, load_aircraft, load_path
 from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Gains
-from flightbed.errors import NoTrimError
+from flightbed.errors import AircraftError, NoTrimError
 from flightbed.failures.effector import healthy
 from flightbed.folder import check_target, write_run
 from flightbed.linearize import LinearModel, linearize
 from flightbed.loop import Flight
 from flightbed.loop import fly as _fly
-from flightbed.metrics import Metrics, measure, snr_db
+from flightbed.metrics import Metrics, at_stop, measure, snr_db
 from flightbed.plant.jsbsim import JsbsimAirframe, JsbsimPlant, Start
 from flightbed.scenario import Scenario
 from flightbed.sensors import SensorNoise, Sensors
@@ -32,6 +33,8 @@ from flightbed.signals import Sample
 from flightbed.trace import Trace, collect
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT
+
+_ROOM_M = 300.0  # flights that begin at sea level may go this far below it: the terrain lies lower still
 
 
 @dataclass(frozen=True)
@@ -64,8 +67,14 @@ class Result:
 
 
 def plan(scenario: Scenario) -> Plan:
-    """Trim, linearize and design. Raises AircraftError, NoTrimError, DesignError."""
+    """Trim, linearize and design; the plan's scenario names the very aircraft. Raises AircraftError, NoTrimError, DesignError."""
     aircraft = load_aircraft(scenario.aircraft.model)
+    if scenario.aircraft.sha256 not in ("", aircraft.sha256):
+        raise AircraftError(
+            f"aircraft {scenario.aircraft.model} is not the one that this scenario was flown with (aircraft.sha256 differs); "
+            'clear the key, --set aircraft.sha256="", to fly it all the same'
+        )
+    scenario = scenario.with_aircraft(load_path(scenario.aircraft.model), aircraft.sha256)
     condition = scenario.condition
     airframe = JsbsimAirframe(
         aircraft,
@@ -132,6 +141,7 @@ def assemble(plan: Plan) -> Flight:
         ),
         estimators=[registry.factory("estimators", e.kind)(e, design, noise, control_hz) for e in scenario.estimators],
         alpha_trim_rad=point.alpha_rad,
+        floor_m=min(0.0, scenario.condition.altitude_ft * FT - _ROOM_M),
     )
 
 
@@ -140,22 +150,23 @@ def fly(scenario: Scenario) -> Iterator[Sample]:
     return _fly(assemble(plan(scenario)))
 
 
-def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True) -> Result:
+def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True, replace: bool = True) -> Result:
     """Fly a scenario; with ``out``, leave a folder with scenario, trace, metrics and recording.
 
-    An ``out`` that holds an earlier run is replaced, whole, once the flight is done; any other folder that is not empty
-    is refused. Nothing is left behind when the flight is interrupted.
+    Nothing is left behind when the flight is interrupted.
 
     Args:
         scenario: what to fly.
         out: folder to write; None writes nothing.
         rerun: whether the folder gets a Rerun recording.
+        replace: an ``out`` that holds an earlier run is replaced, whole, once the flight is done, and any other folder
+            that is not empty is refused; if false, the first free one of OUT, OUT-2, OUT-3, ... is taken instead.
 
     Raises:
         InputError, NotComputableError, as the parts do; OutputError when the folder cannot be written.
 
     """
-    target = None if out is None else check_target(Path(out))
+    target = None if out is None else check_target(Path(out), replace=replace)
     planned = plan(scenario)
     flight = assemble(planned)
     began = time.perf_counter()
@@ -164,10 +175,10 @@ def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True
     )
     wall = time.perf_counter() - began
     metrics = measure(trace, alpha_trim_deg=planned.trim.alpha_rad / DEG, failed_at_s=first_failure_s(scenario))
-    result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall), target)
-    if target is not None:
-        write_run(result, target, rerun=rerun)
-    return result
+    result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall))
+    if target is None:
+        return result
+    return dataclasses.replace(result, folder=write_run(result, target, rerun=rerun, replace=replace))
 
 
 def first_failure_s(scenario: Scenario) -> float | None:
@@ -180,7 +191,10 @@ def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[
     scenario, design = plan.scenario, plan.design
     flown_s = len(trace) / scenario.rates.control_hz
     alpha = np.abs(trace["alpha_deg"] - plan.trim.alpha_rad / DEG)
-    before = trace["t_s"] < (first_failure_s(scenario) or np.inf)  # a failure at 0 leaves no "before": then all of it
+    failed_at = first_failure_s(scenario)
+    if failed_at is not None and failed_at > trace["t_s"][-1]:
+        failed_at = None  # the flight ended before it
+    before = trace["t_s"] < (failed_at or np.inf)  # a failure at 0 leaves no "before": then all of it
     q_max, alpha_max = (float(np.max(v[before])) for v in (np.abs(trace["q_deg_s"]), alpha))
     return {
         "scenario": scenario.name,
@@ -193,8 +207,11 @@ def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[
             q_std=scenario.sensors.q_std_deg_s,
             poles=design.poles,
         ),
-        "failed_at_s": first_failure_s(scenario),
+        "ended": "departed" if metrics.departed else "time" if len(trace) == scenario.ticks else "ground",
+        "failed_at_s": failed_at,
         "flown_s": flown_s,
+        "elevator_at_stop_share": float(np.mean(at_stop(trace, plan.aircraft.actuator))),
+        "bank_max_deg": float(np.max(np.abs(trace["phi_deg"]))),
         "trim": {
             "alpha_deg": plan.trim.alpha_rad / DEG,
             "elevator_deg": plan.trim.elevator_rad / DEG,

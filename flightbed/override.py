@@ -19,6 +19,8 @@ def override(raw: Mapping[str, Any], overrides: Sequence[str]) -> tuple[Mapping[
         ScenarioError: an override is not KEY=VALUE, or its key reaches into nothing.
 
     """
+    if isinstance(overrides, str):
+        raise TypeError(f"overrides must be a list of KEY=VALUE, not one string (got {overrides!r})")
     keys = []
     for text in overrides:
         key, equals, value = text.partition("=")
@@ -36,7 +38,7 @@ def _toml_value(text: str) -> Any:
         try:
             return float(text)  # ".5" and "1." are numbers to everyone but TOML
         except ValueError:
-            return text
+            return {"True": True, "False": False}.get(text, text)
 
 
 def _replaced(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:

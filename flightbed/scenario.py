@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -18,20 +18,15 @@ from flightbed.override import override
 
 
 def _between(low: float, high: float, *, open_low: bool = False) -> AfterValidator:
+    at_least = f"above {low}" if open_low else f"at least {low}"
+    if high == float("inf"):
+        text = f"must be {at_least}"
+    else:
+        text = f"must be {at_least} and at most {high}" if open_low else f"must be between {low} and {high}"
+
     def check(value: float) -> float:
         if not (low < value if open_low else low <= value) or value > high:
-            text = (
-                f"must be above {low:g}"
-                if high == float("inf") and open_low
-                else (
-                    f"must be at least {low:g}"
-                    if high == float("inf")
-                    else f"must be above {low:g} and at most {high:g}"
-                    if open_low
-                    else f"must be between {low:g} and {high:g}"
-                )
-            )
-            raise PydanticCustomError("range", text)
+            raise PydanticCustomError("range", "{text}", {"text": text})
         return value
 
     return AfterValidator(check)
@@ -53,9 +48,9 @@ def _registered(family: str) -> AfterValidator:
 
 
 _INF = float("inf")
-Positive = Annotated[float, _between(0.0, _INF, open_low=True)]
-NonNegative = Annotated[float, _between(0.0, _INF)]
-Share = Annotated[float, _between(0.0, 1.0)]
+Positive = Annotated[float, _between(0, _INF, open_low=True)]
+NonNegative = Annotated[float, _between(0, _INF)]
+Share = Annotated[float, _between(0, 1)]
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 
 
@@ -64,9 +59,10 @@ class _Table(BaseModel):
 
 
 class AircraftSettings(_Table):
-    """Which aircraft; c.g. shift in mean chords, aft positive."""
+    """Which aircraft; its fingerprint, if it must be that very one; c.g. shift in mean chords, aft positive."""
 
     model: str = "f16"
+    sha256: str = ""
     cg_shift_cbar: Annotated[float, _between(-0.5, 0.5)] = 0.0
 
 
@@ -74,7 +70,7 @@ class Condition(_Table):
     """Where the flight starts, trimmed."""
 
     mach: Positive = 0.8
-    altitude_ft: Annotated[float, _between(0.0, 60000.0)] = 20000.0
+    altitude_ft: Annotated[float, _between(0, 60000)] = 20000.0
 
 
 class Rates(_Table):
@@ -135,13 +131,21 @@ class Control(_Table):
     poles: tuple[tuple[float, float], ...] | None = None
     integral_pole_rad_s: Annotated[float, _between(-100.0, -1e-6)] = -0.5
 
+    @model_validator(mode="after")
+    def _stable(self) -> Control:
+        if self.poles is not None and any(real >= 0.0 for real, _ in self.poles):
+            raise PydanticCustomError(
+                "poles", "poles must lie in the left half plane (got {p})", {"p": [list(pole) for pole in self.poles]}
+            )
+        return self
+
 
 class Adaptation(_Table):
     """Correction by 1/K-hat, from one of the estimators."""
 
     enabled: bool = False
     estimator: str = ""
-    floor: Annotated[float, _between(0.0, 1.0, open_low=True)] = 0.08
+    floor: Annotated[float, _between(0, 1, open_low=True)] = 0.08
     feedback: Literal["effective", "position"] = "effective"
 
 
@@ -166,8 +170,8 @@ class EstimatorSettings(_Table):
     input: Literal["absolute", "deviation"] = "absolute"
     memory: Literal["window", "expanding", "fading"] = "window"
     window: Annotated[int, _between(2, 10000)] = 30
-    forgetting: Annotated[float, _between(0.0, 1.0, open_low=True)] = 0.98
-    smoothing: Annotated[float, _between(0.0, 0.9999)] = 0.9
+    forgetting: Annotated[float, _between(0, 1, open_low=True)] = 0.98
+    smoothing: Annotated[float, _between(0, 0.9999)] = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
     alpha_disturbance_deg_s: NonNegative = 0.6
     q_disturbance_deg_s2: NonNegative = 6.0
@@ -186,8 +190,8 @@ class Scenario(_Table):
     schema_version: Literal[1] = Field(alias="schema")
     name: Identifier
     description: str = ""
-    duration_s: Annotated[float, _between(0.0, 36000.0, open_low=True)]
-    seed: Annotated[int, _between(0, 2**63)] = 0
+    duration_s: Annotated[float, _between(0, 36000, open_low=True)]
+    seed: Annotated[int, _between(0, 2**63 - 1)] = 0
     aircraft: AircraftSettings = AircraftSettings()
     condition: Condition = Condition()
     rates: Rates = Rates()
@@ -231,6 +235,10 @@ class Scenario(_Table):
             raise PydanticCustomError("consistency", "{problems}", {"problems": "\n".join(problems)})
         return self
 
+    def with_aircraft(self, model: str, sha256: str) -> Scenario:
+        """Return the scenario bound to one very aircraft."""
+        return self.model_copy(update={"aircraft": self.aircraft.model_copy(update={"model": model, "sha256": sha256})})
+
     def to_toml(self) -> str:
         """Return the scenario with every key written out."""
         return tomli_w.dumps(self.model_dump(mode="json", by_alias=True, exclude_none=True))
@@ -254,6 +262,8 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Sequence[st
         except tomllib.TOMLDecodeError as error:
             raise ScenarioError([f"{place}: not TOML: {error}"]) from None
     raw, overridden = override(raw, overrides)
+    if overridden and "description" not in overridden:
+        raw = {**raw, "description": f"{raw.get('description', '')} (changed: {', '.join(overrides)})".strip()}
     try:
         return Scenario.model_validate(_frozen(raw))
     except ValidationError as error:
@@ -271,7 +281,7 @@ def _shown(path: Path) -> str:
     return f"scenarios/{path.name}" if path.parent == data.shipped("scenario") else str(path)
 
 
-def _problems(error: ValidationError, place: str, overridden: Container[str]) -> list[str]:
+def _problems(error: ValidationError, place: str, overridden: Collection[str]) -> list[str]:
     problems = []
     for item in error.errors(include_url=False):
         key = ".".join(str(part) for part in item["loc"])
@@ -281,10 +291,11 @@ def _problems(error: ValidationError, place: str, overridden: Container[str]) ->
         elif item["type"] == "extra_forbidden":
             known = _known_keys(item["loc"][:-1])
             hint = did_you_mean(str(item["loc"][-1]), known) or f"; known: {', '.join(known)}"
-            problems.append(f"{place}: unknown key {key}{hint}")
+            by_override = any(k == key or k.startswith(f"{key}.") for k in overridden)
+            problems.append(f"{'--set' if by_override else place}: unknown key {key}{hint}")
         else:
             message = _MESSAGES.get(item["type"], _plain)(item)
-            got = "" if item["type"] in ("missing", "rates", "bounds") else f" (got {_brief(item['input'])})"
+            got = "" if item["type"] in ("missing", "rates", "bounds", "poles") else f" (got {_brief(item['input'])})"
             problems.append(f"{where}: {message}{got}")
     return problems
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 from pathlib import Path
 
 import jsbsim
@@ -11,7 +12,7 @@ import pytest
 
 from flightbed import data
 from flightbed.aircraft import Aircraft, load_aircraft
-from flightbed.errors import AircraftError, UnknownNameError
+from flightbed.errors import AircraftError, InputError, UnknownNameError
 from flightbed.plant.jsbsim import _Fdm
 from flightbed.units import DEG
 
@@ -168,15 +169,54 @@ def test_a_folder_of_the_users_own_works(tmp_path: Path) -> None:
     assert slow.sha256 != load_aircraft("f16").sha256
 
 
-def test_bad_folders_name_the_file(tmp_path: Path) -> None:
-    with pytest.raises(UnknownNameError, match="unknown aircraft 'f61'.*did you mean f16"):
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        ("aircraft.toml", "lag_rad_s = 20.2", "lag_rad_s = 0", r"aircraft\.toml: elevator\.lag_rad_s: must be above 0 \(got 0\)"),
+        ("aircraft.toml", "max_deg = 25.0", "max_deg = -30", r"elevator\.min_deg, max_deg: must rise \(got -25\.0, -30\)"),
+        ("aircraft.toml", "lag_rad_s = 20.2", "lag_rads = 20.2", r"unknown key elevator\.lag_rads; did you mean lag_rad_s\?"),
+        ("aircraft.toml", "rate_limit_deg_s = 60.0", "", r"elevator\.rate_limit_deg_s is missing"),
+        ("aircraft.toml", '"pitch.xml"', '"pich.xml"', r"names the file pich\.xml, which is not beside it"),
+        ("aircraft.toml", "name =", "name", r"aircraft\.toml: "),
+        ("pitch.xml", "fcs/elevator-effectiveness", "fcs/elevator-effectivenes", r"pitch\.xml refers to fcs/elevator-effectivenes, which JSBSim does not have"),
+        ("pitch.xml", "</channel>", "", r"edits\.\d+ \(replace-channel\): no element found|aircraft own: "),
+    ],
+)  # fmt: skip
+def test_mistakes_in_a_copied_folder_are_one_line(tmp_path: Path, file: str, old: str, new: str, message: str) -> None:
+    own = tmp_path / "own"
+    shutil.copytree(data.find("aircraft", "f16"), own)
+    text = (own / file).read_text()
+    assert old in text
+    (own / file).write_text(text.replace(old, new))
+    with pytest.raises(AircraftError, match=message) as caught:
+        _Fdm(load_aircraft(str(own)), 0.005)
+    assert "\n" not in str(caught.value)
+
+
+def test_folders_that_are_none_say_so(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown aircraft 'f61'.*did you mean f16"):
         load_aircraft("f61")
-    (tmp_path / "aircraft.toml").write_text('name = "x"\n')
-    with pytest.raises(AircraftError, match=r"aircraft\.toml: 'elevator' is missing"):
+    with pytest.raises(InputError, match=r"has no aircraft\.toml"):
         load_aircraft(str(tmp_path))
-    (tmp_path / "aircraft.toml").write_text("name = \n")
-    with pytest.raises(AircraftError, match=r"aircraft\.toml: Invalid value"):
-        load_aircraft(str(tmp_path))
+    with pytest.raises(InputError, match="there is no such folder"):
+        load_aircraft(str(tmp_path / "nope"))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="is a file; name the folder"):
+        load_aircraft(str(tmp_path / "file"))
+
+
+def test_wings_are_levelled_and_nothing_else(f16: Aircraft) -> None:
+    """From 5 deg of bank the wings come level within seconds; at no bank the aileron stays exactly where it is."""
+    level = (0.6, 20000, 2.754, 0.0, 0.0, 0.0, 0.0, 0.0, 0.273)  # trimmed, and stable in pitch
+    fdm = _Fdm(f16, 0.005).exec
+    fdm["fcs/elevator-cmd-rad"] = -1.241 * DEG
+    _settle(fdm, level)
+    assert fdm["fcs/roll-command-norm"] == 0.0
+    fdm["ic/phi-deg"] = 5.0
+    _settle(fdm, level)
+    for _ in range(1200):
+        fdm.run()
+    assert abs(fdm["attitude/phi-deg"]) < 0.5
 
 
 def test_nothing_of_the_stock_file_is_shipped() -> None:

@@ -24,7 +24,8 @@ def test_run_says_what_happened_and_leaves_a_folder(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr  # a flight that departs is a result
     assert "departed at" in done.stdout
     assert "written to runs/elevator-loss-fixed" in done.stdout
-    assert max(len(line) for line in done.stdout.splitlines() if "K" in line) < 160
+    shown = [line.rstrip() for line in done.stdout.splitlines()]
+    assert max(len(line) for line in shown[:-1]) <= 80, shown  # readable in a plain terminal; the path may be long
     assert sorted(p.name for p in (tmp_path / "runs/elevator-loss-fixed").iterdir()) == [
         "flight.rrd", "metrics.json", "scenario.toml", "trace.parquet",
     ]  # fmt: skip
@@ -114,6 +115,17 @@ def test_killed_while_writing_leaves_no_half_run(tmp_path: Path) -> None:
     assert done.returncode == -signal.SIGKILL
     assert not (tmp_path / "x").exists()
     assert all(p.name.startswith(".") for p in tmp_path.iterdir())
+
+
+def test_view_without_a_display_says_what_to_do(tmp_path: Path) -> None:
+    _flightbed("run", "nominal", "--set", "duration_s=0.2", "--out", "x", cwd=tmp_path)
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    done = subprocess.run(
+        [*COMMAND, "view", "x"], capture_output=True, text=True, check=False, cwd=tmp_path, env=environment
+    )
+    assert done.returncode == 2
+    assert "there is no display for the viewer; copy x/flight.rrd" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_view_reports_a_missing_recording(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,8 +13,8 @@ import numpy as np
 import pytest
 
 import flightbed
-from flightbed.errors import NoTrimError, OutputError
-from flightbed.folder import free_folder
+from flightbed import data
+from flightbed.errors import AircraftError, NoTrimError, OutputError
 from flightbed.mission import Result, plan, run
 from flightbed.scenario import load_scenario
 from flightbed.trace import read_trace
@@ -113,6 +114,7 @@ def test_the_folder_holds_what_the_contract_says(flown: Result) -> None:
         "trace.parquet",
     ]
     assert load_scenario(flown.folder / "scenario.toml") == flown.plan.scenario
+    assert flown.plan.scenario.aircraft.sha256 == flown.plan.aircraft.sha256
     trace = read_trace(flown.folder / "trace.parquet")
     assert trace.estimators == ("window", "expanding")
     assert set(CONTRACT_COLUMNS) <= set(trace.columns)
@@ -218,11 +220,64 @@ def test_a_failed_write_leaves_the_old_run(tmp_path: Path, monkeypatch: pytest.M
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
 
 
-def test_default_folders_never_overwrite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_that_end_at_once_take_a_folder_each(tmp_path: Path) -> None:
+    """Four processes, one name: four whole folders, none overwritten."""
+    code = (
+        "import sys, flightbed\n"
+        "s = flightbed.load_scenario('nominal', ['duration_s=0.2', 'seed=' + sys.argv[1]])\n"
+        "print(flightbed.run(s, 'runs/nominal', rerun=False, replace=False).folder)"
+    )
+    started = [
+        subprocess.Popen([sys.executable, "-c", code, str(seed)], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+        for seed in range(4)
+    ]
+    folders = {process.communicate(timeout=120)[0].strip() for process in started}
+    assert folders == {"runs/nominal", "runs/nominal-2", "runs/nominal-3", "runs/nominal-4"}
+    seeds = {json.loads((tmp_path / f / "metrics.json").read_text())["seed"] for f in folders}
+    assert seeds == {0, 1, 2, 3}
+    assert sorted(p.name for p in (tmp_path / "runs").iterdir()) == sorted(Path(f).name for f in folders)
+
+
+def test_a_long_flight_stays_upright_and_ends_in_time() -> None:
+    """Two minutes after the doublets: the stock model's spiral mode, unstable here, is held by the wing leveller."""
+    result = run(load_scenario("nominal", ["duration_s=120"]))
+    assert result.summary["ended"] == "time"
+    assert result.summary["bank_max_deg"] < 0.1
+    assert np.abs(result.trace["psi_deg"]).max() < 1.0
+
+
+def test_a_flight_ends_at_the_ground() -> None:
+    dive = ["condition.altitude_ft=2000", "command.kind=constant", "command.amplitude_deg_s=-4", "duration_s=60"]
+    result = run(load_scenario("nominal", dive))
+    assert result.summary["ended"] == "ground"
+    assert not result.metrics.departed
+    assert result.trace["altitude_ft"][-1] < 0.0 < result.trace["altitude_ft"][-2]
+
+
+def test_a_failure_that_the_flight_does_not_reach_is_not_reported() -> None:
+    lost = run(load_scenario("elevator-loss-fixed", ["failures.1.at_s=16", "failures.1.to=0.1"]))
+    assert lost.summary["failed_at_s"] == 4.5
+    only = run(load_scenario("elevator-loss-fixed", ["failures.0.at_s=16", "aircraft.cg_shift_cbar=0.5"]))
+    assert only.metrics.departed
+    assert only.summary["failed_at_s"] is None
+    assert only.metrics.tracking_rms_post_deg_s is None
+
+
+def test_a_resolved_scenario_names_the_very_aircraft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Written with an absolute path and a fingerprint: it flies from anywhere, and refuses an aircraft that changed."""
+    own = tmp_path / "own"
+    shutil.copytree(data.find("aircraft", "f16"), own)
     monkeypatch.chdir(tmp_path)
-    assert free_folder("x") == Path("runs/x")
-    Path("runs/x").mkdir(parents=True)
-    assert free_folder("x") == Path("runs/x-2")
+    run(load_scenario("nominal", ["aircraft.model=own", "duration_s=0.5"]), "out", rerun=False)
+    monkeypatch.chdir("/")
+    again = load_scenario(tmp_path / "out" / "scenario.toml")
+    assert again.aircraft.model == str(own)
+    assert run(again).trace["q_deg_s"][-1] == read_trace(tmp_path / "out" / "trace.parquet")["q_deg_s"][-1]
+    text = (own / "aircraft.toml").read_text()
+    (own / "aircraft.toml").write_text(text.replace("rate_limit_deg_s = 60.0", "rate_limit_deg_s = 50.0"))
+    with pytest.raises(AircraftError, match=r"is not the one that this scenario was flown with"):
+        run(again)
+    assert run(load_scenario(tmp_path / "out" / "scenario.toml", ['aircraft.sha256=""'])).summary["ended"] == "time"
 
 
 def test_public_names_are_functions_whatever_was_imported_first() -> None:

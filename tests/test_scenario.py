@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flightbed import data
-from flightbed.errors import ScenarioError, UnknownNameError
+from flightbed.errors import InputError, ScenarioError, UnknownNameError
 from flightbed.scenario import Scenario, load_scenario
 
 FILE = "scenarios/elevator-loss.toml"
@@ -27,7 +27,7 @@ def test_shipped_scenarios_load_and_survive_a_round_trip(name: str, tmp_path: Pa
 
 
 @settings(max_examples=25)
-@given(to=st.floats(0, 1), mach=st.floats(0.1, 2), seed=st.integers(0, 2**63), at=st.floats(0, 16))
+@given(to=st.floats(0, 1), mach=st.floats(0.1, 2), seed=st.integers(0, 2**63 - 1), at=st.floats(0, 16))
 def test_resolved_scenarios_keep_every_digit(to: float, mach: float, seed: int, at: float) -> None:
     overrides = [f"failures.0.to={to!r}", f"condition.mach={mach!r}", f"seed={seed}", f"failures.0.at_s={at!r}"]
     scenario = load_scenario("elevator-loss", overrides)
@@ -60,9 +60,10 @@ def test_an_override_can_add_to_a_list() -> None:
         ("failures.0.to=-0.1", "--set failures.0.to: must be between 0 and 1 (got -0.1)"),
         ("failures.0.to='x'", "--set failures.0.to: must be a number (got 'x')"),
         ("failures.0.to=true", "--set failures.0.to: must be a number (got True)"),
-        ("failures.0.at_dg=1", f"{FILE}: unknown key failures.0.at_dg; did you mean at_s?"),
+        ("failures.0.at_dg=1", "--set: unknown key failures.0.at_dg; did you mean at_s?"),
         ("failures.0.at_s=16.5", f"{FILE}: failures.0.at_s: must be before the flight ends at 16.5 s (got 16.5)"),
         ("seed=abc", "--set seed: must be a whole number (got 'abc')"),
+        ("seed=-1", "--set seed: must be between 0 and 9223372036854775807 (got -1)"),
         ("seed=1.5", "--set seed: must be a whole number (got 1.5)"),
         ("rates.plant_hz=150", f"{FILE}: rates: plant_hz must be an integer multiple of control_hz (got 150 and 100)"),
         ("duration_s=16.505", f"{FILE}: duration_s: must be a whole number of ticks of 1/100 s (got 16.505)"),
@@ -83,6 +84,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("failures.2.to=.1", "--set failures.2.to=.1: '2' must be an index from 0 to 1 (1 adds one)"),
         ("condition.mach.x=2", "--set condition.mach.x=2: 'x': there is no table here to reach into"),
         ("seed", "--set seed: must be KEY=VALUE, for example --set failures.0.to=0.35"),
+        ("control.poles=[[1,0],[-2,2],[-2,-2]]", f"{FILE}: control: poles must lie in the left half plane (got [[1.0, 0.0], [-2.0, 2.0], [-2.0, -2.0]])"),
         ("schema=2", "--set schema: must be 1 (got 2)"),
     ],
 )  # fmt: skip
@@ -117,6 +119,22 @@ def test_unreadable_files(tmp_path: Path) -> None:
     broken.write_bytes(b"\xff\xfe")
     with pytest.raises(ScenarioError, match=r"broken\.toml: cannot be read"):
         load_scenario(broken)
+
+
+def test_changes_are_told_in_the_description() -> None:
+    scenario = load_scenario("elevator-loss", ["failures.0.to=0.35", "seed=2"])
+    assert scenario.description.endswith("(changed: failures.0.to=0.35, seed=2)")
+    assert load_scenario("elevator-loss", ["description=mine"]).description == "mine"
+
+
+def test_wrong_kinds_of_place_say_what_they_are(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is a folder; name the TOML file in it"):
+        load_scenario(tmp_path)
+    with pytest.raises(InputError, match="there is no such file"):
+        load_scenario("nope.toml")
+    with pytest.raises(TypeError, match="not one string"):
+        load_scenario("nominal", "seed=7")
+    assert load_scenario("nominal", ["adaptation.enabled=False"]).adaptation.enabled is False
 
 
 def test_a_scenario_cannot_be_changed() -> None:

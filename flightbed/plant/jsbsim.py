@@ -12,7 +12,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from functools import cache
-from math import cos
+from math import cos, pi
 from pathlib import Path
 from typing import NamedTuple
 
@@ -64,6 +64,10 @@ class _Fdm:
         if not loaded:
             raise AircraftError(f"aircraft {aircraft.name}: JSBSim refuses the patched model")
         self._manager = self.exec.get_property_manager()
+        # Found at run time instead, a missing property would abort the process.
+        for file, path in aircraft.references():
+            if self._manager.get_node(path) is None:
+                raise AircraftError(f"aircraft {aircraft.name}: {file} refers to {path}, which JSBSim does not have")
 
     def node(self, path: str) -> jsbsim.FGPropertyNode:
         node = self._manager.get_node(path)
@@ -255,7 +259,7 @@ class JsbsimPlant:
             q,
             theta,
             phi,
-            psi,
+            psi - 2.0 * pi if psi > pi else psi,
             airspeed * FT,
             mach,
             altitude * FT,
