@@ -46,7 +46,7 @@ class Limits:
     throttle_norm: tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)  # by identity: hashable, and what is built from it is kept as long as it is
+@dataclass(frozen=True, eq=False)
 class Aircraft:
     """An overlay aircraft, read from a folder.
 
@@ -93,6 +93,12 @@ class Aircraft:
                 raise AircraftError(f"aircraft {self.name}: edits.{number} ({edit.get('do')}): {reason}") from None
         return ET.tostring(root, encoding="unicode").encode()
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Aircraft) and self.sha256 == other.sha256
+
+    def __hash__(self) -> int:
+        return hash(self.sha256)
+
     def references(self) -> list[tuple[str, str]]:
         """Return (file, property) for every property that the snippets refer to."""
         return [
@@ -107,6 +113,8 @@ class Aircraft:
         """Hash of everything that defines this aircraft: stock model, edits and numbers."""
         text = repr(
             (
+                self.name,
+                self.stock_file,
                 self.stock_sha256,
                 self.actuator,
                 self.limits,

@@ -32,7 +32,14 @@ app = App(
     exit_on_error=False,
     result_action="return_value",
 )
-_out = Console(highlight=False)
+
+
+class _Out(Console):
+    def on_broken_pipe(self) -> None:  # rich would exit with 1
+        raise BrokenPipeError
+
+
+_out = _Out(highlight=False)
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -47,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except KeyboardInterrupt:
         code = _fail("interrupted; nothing was written", INTERRUPTED)
     except BrokenPipeError:  # the reader of our output has gone: not our failure
-        sys.stderr.close()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the flush at exit complains
         code = 0
     sys.exit(code if isinstance(code, int) else 0)
 
@@ -112,7 +119,7 @@ def view(run_folder: str, /) -> int:
     return show(recording)
 
 
-Family = Literal["aircraft", "scenarios", "estimators", "laws", "failures", "commands"]
+Family = Literal["aircraft", "scenarios", "estimators", "laws", "failures", "commands", "studies"]
 
 
 @app.command(name="list")
@@ -132,13 +139,15 @@ def list_(family: Family | None = None, /) -> None:
             return [(name, load_aircraft(name).description) for name in data.names("aircraft")]
         if family == "scenarios":
             return [(name, load_scenario(name).description) for name in data.names("scenario")]
+        if family == "studies":  # none yet
+            return []
         return [(name, registry.summary(family, name)) for name in registry.names(family)]
 
     for name in [family] if family else ["aircraft", "scenarios", *registry.FAMILIES]:
         if not family:
             _out.print(f"[bold]{name}[/bold]")
         entries = lines(name)
-        width = max(len(entry) for entry, _ in entries)
+        width = max((len(entry) for entry, _ in entries), default=0)
         for entry, text in entries:
             _out.print(f"{'' if family else '  '}{entry:<{width}}  {escape(text)}", soft_wrap=True)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -35,7 +36,13 @@ def find(kind: str, name: str) -> Path:
     A path wins when it exists. Raises UnknownNameError or InputError when neither does.
     """
     marker = "aircraft.toml" if kind == "aircraft" else ""
-    own = Path(name).expanduser()
+    try:
+        own = Path(name).expanduser()
+        own.stat()
+    except (OSError, RuntimeError) as error:  # no such user, too long, no permission, or simply not there
+        if isinstance(error, RuntimeError) or getattr(error, "errno", None) not in (errno.ENOENT, errno.ENOTDIR):
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise InputError(f"{kind} {name[:60]}: cannot be read: {reason}") from None
     if (own / marker).is_file():
         return own
     candidate = shipped(kind) / (name if kind == "aircraft" else f"{name}.toml")

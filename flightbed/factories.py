@@ -9,7 +9,7 @@ from flightbed.command.base import Command
 from flightbed.command.constant import constant as _constant
 from flightbed.command.constant import none as _none
 from flightbed.command.doublet import doublet as _doublet
-from flightbed.control.base import Gains, Law
+from flightbed.control.base import Law
 from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
@@ -41,25 +41,23 @@ def none(_settings: s.Command) -> Command:
     return _none()
 
 
-def gains(settings: s.Control, design: ShortPeriod) -> Gains:
-    """Return the gains of the chosen law on a design model."""
-    poles = None if settings.poles is None else [complex(re, im) for re, im in settings.poles]
-    if settings.law == "proportional-integral":
-        return design_integral(design, poles, integral_pole=settings.integral_pole_rad_s)
-    return design_proportional(design, poles)
+def _poles(settings: s.Control) -> list[complex] | None:
+    return None if settings.poles is None else [complex(re, im) for re, im in settings.poles]
 
 
 def proportional(settings: s.Control, design: ShortPeriod, _control_hz: int) -> Law:
     """Feedback of alpha, q and elevator, prefilter gain for unit DC gain (Sillence S 3.2)."""
     return Proportional(
-        gains(settings, design), alpha_trim_rad=design.alpha_trim_rad, elevator_trim_rad=design.elevator_trim_rad
+        design_proportional(design, _poles(settings)),
+        alpha_trim_rad=design.alpha_trim_rad,
+        elevator_trim_rad=design.elevator_trim_rad,
     )
 
 
 def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: int) -> Law:
     """Add to the proportional law the integral of the pitch-rate error (Sillence S 3.3)."""
     return ProportionalIntegral(
-        gains(settings, design),
+        design_integral(design, _poles(settings), integral_pole=settings.integral_pole_rad_s),
         alpha_trim_rad=design.alpha_trim_rad,
         elevator_trim_rad=design.elevator_trim_rad,
         control_hz=control_hz,
@@ -78,8 +76,13 @@ def failure_tick(settings: s.Failure, control_hz: int) -> int:
 
 def loop_gain(settings: s.EstimatorSettings, design: ShortPeriod, noise: SensorNoise, control_hz: int) -> Estimator:
     """Joint Kalman filter for alpha, q and K (Sillence Theorem 1): window, expanding or fading memory."""
+    return LoopGain(loop_gain_config(settings), design=design, noise=noise, control_hz=control_hz)
+
+
+def loop_gain_config(settings: s.EstimatorSettings) -> LoopGainConfig:
+    """Return the filter's settings in SI and radians."""
     prior = settings.prior
-    config = LoopGainConfig(
+    return LoopGainConfig(
         memory=settings.memory,
         window=settings.window,
         forgetting=settings.forgetting,
@@ -96,4 +99,3 @@ def loop_gain(settings: s.EstimatorSettings, design: ShortPeriod, noise: SensorN
         prior_effectiveness=prior.effectiveness,
         prior_effectiveness_var=prior.effectiveness_std**2,
     )
-    return LoopGain(config, design=design, noise=noise, control_hz=control_hz)

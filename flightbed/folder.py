@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import tempfile
 from itertools import count
@@ -21,6 +22,9 @@ _FILES = ("scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "repor
 def check_target(target: Path, *, replace: bool) -> Path:
     """Refuse a target that would lose something, and one that cannot be written, before flying."""
     try:
+        target = target.resolve() if target.is_symlink() else target
+        if Path.cwd().is_relative_to(target.absolute()):
+            raise OutputError(f"--out {target}: is the folder you are in; name a folder of its own")
         if replace and target.exists() and not target.is_dir():
             raise OutputError(f"--out {target}: is a file; name a folder")
         if replace and target.is_dir():
@@ -73,7 +77,10 @@ def _first_free(target: Path, new: Path) -> Path:
 
 
 def _replace(target: Path, new: Path, old: Path) -> None:
-    """Put ``new`` in the target's place; whatever interrupts this, the target holds the old run or the new one."""
+    """Put ``new`` in the target's place; an exception on the way puts the old run back.
+
+    Only a kill -9 between the two renames leaves the target missing; both runs are then whole, in the hidden folder beside it.
+    """
     if target.exists():
         target.rename(old)
     try:
@@ -92,6 +99,7 @@ def _record(result: Result, path: Path) -> None:
         path,
         result.trace,
         name=f"{scenario.name} seed {scenario.seed}",
+        recording_id=hashlib.sha256(scenario.to_toml().encode()).hexdigest()[:16],
         card=run_card(scenario, summary),
         events=[Event(*event) for event in happened],
         failed_at_s=summary["failed_at_s"],

@@ -33,6 +33,10 @@ class Flight:
     alpha_trim_rad: float
     floor_m: float = -inf  # altitude at which the flight ends in the ground
 
+    def __post_init__(self) -> None:
+        if self.adaptation.enabled and not self.estimators:
+            raise ValueError("adaptation is enabled, but the flight has no estimator")
+
 
 def fly(flight: Flight) -> Iterator[Sample]:
     """Fly, yielding one Sample per control tick; stops at the end of the profile, or after the sample that departs or hits the ground."""
@@ -40,9 +44,9 @@ def fly(flight: Flight) -> Iterator[Sample]:
     sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
     updates = [estimator.update for estimator in flight.estimators]
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
-    hold, floor = False, flight.floor_m
+    hold, floor, following = False, flight.floor_m, flight.effectiveness(0)
     for tick, (q_cmd, q_ref) in enumerate(commands):
-        effectiveness = flight.effectiveness(tick)
+        effectiveness, following = following, flight.effectiveness(tick + 1)
         truth = sense(effectiveness)
         measurement = read(tick, truth)
 
@@ -58,4 +62,4 @@ def fly(flight: Flight) -> Iterator[Sample]:
         deviation = truth.alpha_rad - flight.alpha_trim_rad
         if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth.q_rad_s) or truth.altitude_m < floor:
             return
-        advance(command, effectiveness)
+        advance(command, effectiveness, following)

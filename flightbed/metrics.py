@@ -36,7 +36,7 @@ class EstimatorMetrics:
 
     """
 
-    final: float
+    final: float | None
     median_abs_error_post: float | None
     rms_error_smoothed_post: float | None
     std_pre: float | None
@@ -103,10 +103,10 @@ def _estimator(
         return round(float(t[inside[0]] - t[failed][0]), 9) if inside.size else None
 
     return EstimatorMetrics(
-        final=float(estimate[-1]),
+        final=_finite(estimate[-1]),
         median_abs_error_post=_finite(np.median(np.abs(estimate - truth)[post])) if post.any() else None,
         rms_error_smoothed_post=_rms((smoothed - truth)[post]),
-        std_pre=float(np.std(estimate[pre])) if pre.any() else None,
+        std_pre=_finite(np.std(estimate[pre])) if pre.any() else None,
         first_within_20pct_s=first_within(estimate),
         first_within_20pct_smoothed_s=first_within(smoothed),
         nis_mean=_finite(np.mean(nis[1:])) if len(nis) > 1 else None,

@@ -17,7 +17,7 @@ from flightbed import factories, registry
 from flightbed.aircraft import Aircraft, load_aircraft, load_path
 from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
-from flightbed.control.base import Gains
+from flightbed.control.base import Gains, Law
 from flightbed.errors import AircraftError, NoTrimError
 from flightbed.failures.effector import healthy
 from flightbed.folder import check_target, write_run
@@ -46,7 +46,7 @@ class Plan:
     trim: TrimPoint
     model: LinearModel
     design: ShortPeriod
-    gains: Gains
+    gains: Gains | None  # None for a law that does not tell
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,13 @@ def plan(scenario: Scenario) -> Plan:
         raise
     model = linearize(airframe, point)
     design = short_period(model, actuator_rad_s=aircraft.actuator.lag_rad_s)
-    return Plan(scenario, aircraft, point, model, design, factories.gains(scenario.control, design))
+    law = _law(scenario, design)
+    return Plan(scenario, aircraft, point, model, design, getattr(law, "gains", None))
+
+
+def _law(scenario: Scenario, design: ShortPeriod) -> Law:
+    law: Law = registry.factory("laws", scenario.control.law)(scenario.control, design, scenario.rates.control_hz)
+    return law
 
 
 def assemble(plan: Plan) -> Flight:
@@ -100,7 +106,7 @@ def assemble(plan: Plan) -> Flight:
     sensors = scenario.sensors
     noise = SensorNoise(sensors.alpha_std_deg * DEG, sensors.q_std_deg_s * DEG, sensors.elevator_std_deg * DEG)
     effectiveness = healthy
-    for failure in scenario.failures:
+    for failure in sorted(scenario.failures, key=lambda f: f.at_s):  # of two at once the later in the file acts
         effectiveness = registry.factory("failures", failure.kind)(failure, effectiveness, control_hz)
     names = [estimator.name for estimator in scenario.estimators]
     adaptation = scenario.adaptation
@@ -121,6 +127,7 @@ def assemble(plan: Plan) -> Flight:
             cg_shift_cbar=scenario.aircraft.cg_shift_cbar,
             turbulence=scenario.atmosphere.turbulence,
             seed=int(air_seed.generate_state(1)[0] >> 1),
+            effectiveness=effectiveness(0),
         ),
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed),
         profile=profile(
@@ -130,7 +137,7 @@ def assemble(plan: Plan) -> Flight:
             filter_rad_s=scenario.command.filter_rad_s,
         ),
         effectiveness=effectiveness,
-        law=registry.factory("laws", scenario.control.law)(scenario.control, design, control_hz),
+        law=_law(scenario, design),
         adaptation=Adaptation(
             enabled=adaptation.enabled,
             estimator=names.index(adaptation.estimator) if adaptation.enabled else 0,
@@ -174,8 +181,11 @@ def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True
         _fly(flight), estimators=[e.name for e in scenario.estimators], control_hz=scenario.rates.control_hz
     )
     wall = time.perf_counter() - began
-    metrics = measure(trace, alpha_trim_deg=planned.trim.alpha_rad / DEG, failed_at_s=first_failure_s(scenario))
-    result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall))
+    failed_at = first_failure_s(scenario)
+    if failed_at is not None and failed_at > trace["t_s"][-1]:
+        failed_at = None  # the flight ended before it
+    metrics = measure(trace, alpha_trim_deg=planned.trim.alpha_rad / DEG, failed_at_s=failed_at)
+    result = Result(planned, trace, metrics, _summary(planned, trace, metrics, failed_at, wall))
     if target is None:
         return result
     return dataclasses.replace(result, folder=write_run(result, target, rerun=rerun, replace=replace))
@@ -187,13 +197,10 @@ def first_failure_s(scenario: Scenario) -> float | None:
     return min(ticks) / scenario.rates.control_hz if ticks else None
 
 
-def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[str, Any]:
+def _summary(plan: Plan, trace: Trace, metrics: Metrics, failed_at: float | None, wall_s: float) -> dict[str, Any]:
     scenario, design = plan.scenario, plan.design
     flown_s = len(trace) / scenario.rates.control_hz
     alpha = np.abs(trace["alpha_deg"] - plan.trim.alpha_rad / DEG)
-    failed_at = first_failure_s(scenario)
-    if failed_at is not None and failed_at > trace["t_s"][-1]:
-        failed_at = None  # the flight ended before it
     before = trace["t_s"] < (failed_at or np.inf)  # a failure at 0 leaves no "before": then all of it
     q_max, alpha_max = (float(np.max(v[before])) for v in (np.abs(trace["q_deg_s"]), alpha))
     return {
@@ -223,7 +230,7 @@ def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[
             "b": design.b.tolist(),
             "poles_rad_s": [[p.real, p.imag] for p in design.poles.tolist()],
         },
-        "gains": {k: float(v) for k, v in vars(plan.gains).items()},
+        "gains": {} if plan.gains is None else vars(plan.gains),
         "aircraft_sha256": plan.aircraft.sha256,
         "wall_time_s": wall_s,
         "real_time_factor": flown_s / wall_s,

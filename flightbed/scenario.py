@@ -14,15 +14,12 @@ from pydantic_core import PydanticCustomError
 
 from flightbed import data, registry
 from flightbed.errors import ScenarioError, did_you_mean
+from flightbed.idle import idle_keys
 from flightbed.override import override
 
 
 def _between(low: float, high: float, *, open_low: bool = False) -> AfterValidator:
-    at_least = f"above {low}" if open_low else f"at least {low}"
-    if high == float("inf"):
-        text = f"must be {at_least}"
-    else:
-        text = f"must be {at_least} and at most {high}" if open_low else f"must be between {low} and {high}"
+    text = f"must be above {low} and at most {high}" if open_low else f"must be between {low} and {high}"
 
     def check(value: float) -> float:
         if not (low < value if open_low else low <= value) or value > high:
@@ -47,9 +44,8 @@ def _registered(family: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-_INF = float("inf")
-Positive = Annotated[float, _between(0, _INF, open_low=True)]
-NonNegative = Annotated[float, _between(0, _INF)]
+Positive = Annotated[float, _between(0, 1000000, open_low=True)]
+NonNegative = Annotated[float, _between(0, 1000000)]
 Share = Annotated[float, _between(0, 1)]
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 
@@ -170,7 +166,7 @@ class EstimatorSettings(_Table):
     input: Literal["absolute", "deviation"] = "absolute"
     memory: Literal["window", "expanding", "fading"] = "window"
     window: Annotated[int, _between(2, 10000)] = 30
-    forgetting: Annotated[float, _between(0, 1, open_low=True)] = 0.98
+    forgetting: Annotated[float, _between(0.5, 1)] = 0.98
     smoothing: Annotated[float, _between(0, 0.9999)] = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
     alpha_disturbance_deg_s: NonNegative = 0.6
@@ -216,9 +212,9 @@ class Scenario(_Table):
                 f"duration_s: must be a whole number of ticks of 1/{self.rates.control_hz} s (got {self.duration_s:g})"
             )
         problems += [
-            f"failures.{i}.at_s: must be before the flight ends at {self.duration_s:g} s (got {failure.at_s:g})"
+            f"failures.{i}.at_s: must be no later than the last tick, {(self.ticks - 1) / self.rates.control_hz:g} s (got {failure.at_s:g})"
             for i, failure in enumerate(self.failures)
-            if failure.at_s >= self.duration_s
+            if failure.at_s * self.rates.control_hz > self.ticks - 1 + 1e-6
         ]
         names = [estimator.name for estimator in self.estimators]
         problems += [
@@ -262,12 +258,18 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Sequence[st
         except tomllib.TOMLDecodeError as error:
             raise ScenarioError([f"{place}: not TOML: {error}"]) from None
     raw, overridden = override(raw, overrides)
-    if overridden and "description" not in overridden:
-        raw = {**raw, "description": f"{raw.get('description', '')} (changed: {', '.join(overrides)})".strip()}
+    description = raw.get("description", "")
+    if overridden and "description" not in overridden and isinstance(description, str):
+        raw = {**raw, "description": f"{description} (changed: {', '.join(overrides)})".strip()}
     try:
-        return Scenario.model_validate(_frozen(raw))
+        scenario = Scenario.model_validate(_frozen(raw))
     except ValidationError as error:
         raise ScenarioError(_problems(error, place, overridden)) from None
+    if idle := [
+        f"--set {key}: has no effect with {why}" for key, why in idle_keys(scenario).items() if key in overridden
+    ]:
+        raise ScenarioError(idle)
+    return scenario
 
 
 def _frozen(value: Any) -> Any:

@@ -59,14 +59,22 @@ class Event:
 
 
 def write_recording(
-    path: Path, trace: Trace, *, name: str, card: str, events: Sequence[Event], failed_at_s: float | None
+    path: Path,
+    trace: Trace,
+    *,
+    name: str,
+    recording_id: str,
+    card: str,
+    events: Sequence[Event],
+    failed_at_s: float | None,
 ) -> None:
     """Write a flight's recording, whole columns at a time, with its layout.
 
     Args:
         path: the .rrd file.
         trace: the flight.
-        name: shown as the recording's name; equal names give equal recording ids.
+        name: shown as the recording's name.
+        recording_id: recordings with the same one merge in a viewer.
         card: the run card, Markdown.
         events: for the event log.
         failed_at_s: time of the first failure, marked in every plot.
@@ -75,7 +83,7 @@ def write_recording(
         OutputError: the file cannot be written.
 
     """
-    recording = rr.RecordingStream(APPLICATION, recording_id=name)
+    recording = rr.RecordingStream(APPLICATION, recording_id=recording_id)
     recording.set_log_time_enabled(False)
     try:
         recording.save(path, default_blueprint=_blueprint(trace))
@@ -160,8 +168,8 @@ def _aircraft(recording: rr.RecordingStream, trace: Trace) -> None:
             quaternion=_quaternions(trace["phi_deg"] * DEG, trace["theta_deg"] * DEG, trace["psi_deg"] * DEG)
         ),
     )
-    # Trailing edge down is nose down about the hinge: a rotation by -elevator about the y axis.
-    half = -0.5 * trace["elevator_deg"] * DEG
+    # Trailing edge down is a positive rotation about the y axis: what lies aft (-x) moves down (+z).
+    half = 0.5 * trace["elevator_deg"] * DEG
     turn = np.column_stack([np.zeros_like(half), np.sin(half), np.zeros_like(half), np.cos(half)])
     recording.send_columns(
         "world/cg/attitude/stabilators",

@@ -14,6 +14,8 @@ G0 = 9.80665  # m/s^2, standard gravity
 # Longest suffix first: "deg_s" must win over "s".
 _SUFFIXES = (
     ("_m_s2", "m/s^2"),
+    ("_rad_s2", "rad/s^2"),
+    ("_deg_s2", "deg/s^2"),
     ("_rad_s", "rad/s"),
     ("_deg_s", "deg/s"),
     ("_norm", "1"),

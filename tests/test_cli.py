@@ -31,6 +31,12 @@ def test_run_says_what_happened_and_leaves_a_folder(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+def test_a_reader_that_goes_away_is_no_failure(tmp_path: Path) -> None:
+    command = f"{sys.executable} -m flightbed list | head -n 1; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "aircraft\n", "")
+
+
 def test_json_is_alone_on_stdout(tmp_path: Path) -> None:
     done = _flightbed("run", "nominal", "--set", "duration_s=1", "--rerun", "off", "--json", "--out", "x", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -66,6 +72,7 @@ def test_list_names_everything_with_a_line_each(tmp_path: Path) -> None:
         (["run", "nominal", "--set", "control.poles=[[-1,0]]"], 3, "the loop has 3 states, 1 poles are given"),
         (["run", "nominal", "--set", "condition.mach=0.3", "--set", "condition.altitude_ft=45000"], 3, "no trim at Mach 0.30, 45000 ft"),
         (["run", "nominal", "--out", "/proc/nowhere/x"], 2, "--out /proc/nowhere/x: cannot be written"),
+        (["run", "nominal", "--out", "."], 2, "--out .: is the folder you are in"),
         (["view", "."], 2, "not a run's folder (no metrics.json)"),
     ],
 )  # fmt: skip

@@ -61,7 +61,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("failures.0.to='x'", "--set failures.0.to: must be a number (got 'x')"),
         ("failures.0.to=true", "--set failures.0.to: must be a number (got True)"),
         ("failures.0.at_dg=1", "--set: unknown key failures.0.at_dg; did you mean at_s?"),
-        ("failures.0.at_s=16.5", f"{FILE}: failures.0.at_s: must be before the flight ends at 16.5 s (got 16.5)"),
+        ("failures.0.at_s=16.5", f"{FILE}: failures.0.at_s: must be no later than the last tick, 16.49 s (got 16.5)"),
         ("seed=abc", "--set seed: must be a whole number (got 'abc')"),
         ("seed=-1", "--set seed: must be between 0 and 9223372036854775807 (got -1)"),
         ("seed=1.5", "--set seed: must be a whole number (got 1.5)"),
@@ -85,6 +85,14 @@ def test_an_override_can_add_to_a_list() -> None:
         ("condition.mach.x=2", "--set condition.mach.x=2: 'x': there is no table here to reach into"),
         ("seed", "--set seed: must be KEY=VALUE, for example --set failures.0.to=0.35"),
         ("control.poles=[[1,0],[-2,2],[-2,-2]]", f"{FILE}: control: poles must lie in the left half plane (got [[1.0, 0.0], [-2.0, 2.0], [-2.0, -2.0]])"),
+        ("failures.0.at_s=16.495", f"{FILE}: failures.0.at_s: must be no later than the last tick, 16.49 s (got 16.495)"),
+        ("description=3", "--set description: must be a string (got 3)"),
+        ("estimators.0.forgetting=0.9", "--set estimators.0.forgetting: has no effect with estimators.0.memory = 'window'"),
+        ("estimators.1.window=20", "--set estimators.1.window: has no effect with estimators.1.memory = 'expanding'"),
+        ("estimators.0.prior.alpha_deg=1", "--set estimators.0.prior.alpha_deg: has no effect with estimators.0.prior.state = 'measurement'"),
+        ("control.integral_pole_rad_s=-1", "--set control.integral_pole_rad_s: has no effect with control.law = 'proportional'"),
+        ("estimators.0.forgetting=0.1", "--set estimators.0.forgetting: must be between 0.5 and 1 (got 0.1)"),
+        ("estimators.0.prior.effectiveness_std=1e200", "--set estimators.0.prior.effectiveness_std: must be above 0 and at most 1000000 (got 1e+200)"),
         ("schema=2", "--set schema: must be 1 (got 2)"),
     ],
 )  # fmt: skip
@@ -125,11 +133,18 @@ def test_changes_are_told_in_the_description() -> None:
     scenario = load_scenario("elevator-loss", ["failures.0.to=0.35", "seed=2"])
     assert scenario.description.endswith("(changed: failures.0.to=0.35, seed=2)")
     assert load_scenario("elevator-loss", ["description=mine"]).description == "mine"
+    broken = {"schema": 1, "name": "x", "duration_s": 1.0, "description": 3}
+    with pytest.raises(ScenarioError, match="description: must be a string"):
+        load_scenario(broken, ["seed=1"])
 
 
 def test_wrong_kinds_of_place_say_what_they_are(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is a folder; name the TOML file in it"):
         load_scenario(tmp_path)
+    with pytest.raises(InputError, match="cannot be read"):
+        load_scenario("~nosuchuser")
+    with pytest.raises(InputError, match="cannot be read: File name too long"):
+        load_scenario("x" * 300)
     with pytest.raises(InputError, match="there is no such file"):
         load_scenario("nope.toml")
     with pytest.raises(TypeError, match="not one string"):

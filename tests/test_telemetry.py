@@ -116,6 +116,18 @@ def test_quaternions_turn_body_axes_into_north_east_down() -> None:
     assert nose[2] < 0  # nose up points up: down is positive
 
 
+def test_the_stabilators_turn_with_the_elevator(flown: Result) -> None:
+    """Trailing edge down for a positive deflection: the rear edge, aft of the hinge, moves down (+z)."""
+    from scipy.spatial.transform import Rotation
+
+    _, flat = _series(_recording(flown), "/world/cg/attitude/stabilators", "Transform3D:quaternion")
+    turns = np.vstack(flat) if flat.dtype == object else flat.reshape(-1, 4)
+    rear = mesh.stabilators().vertices[mesh.stabilators().vertices[:, 0].argmin()]
+    down = Rotation.from_quat(turns).apply(rear)[:, 2]
+    np.testing.assert_allclose(down, -rear[0] * np.sin(flown.trace["elevator_deg"] * DEG), atol=1e-5)
+    assert down.max() > 0.1 > -0.1 > down.min()
+
+
 def test_the_mesh_is_symmetric_and_its_faces_are_in_range() -> None:
     for shape in (mesh.airframe(), mesh.stabilators()):
         assert shape.faces.max() < len(shape.vertices) == len(shape.colors)

@@ -17,12 +17,13 @@ from flightbed.short_period import ShortPeriod, short_period, zero_order_hold
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT
 
-# Level, away from the flap switches at alpha 5 and 15 deg and Mach 0.9, and from the kinks at alpha 0 and 10.03 deg.
+# Level, away from the flap switches at alpha 5 and 15 deg and Mach 0.9, and from table breakpoints: Mach 0.6, 0.8, 0.9,
+# alpha 0 and 10.03 deg.
 CONDITIONS = [
-    (0.30, 0), (0.40, 0), (0.50, 0), (0.60, 0), (0.75, 0), (0.85, 0),
-    (0.35, 10000), (0.50, 10000), (0.60, 10000), (0.70, 10000), (0.80, 10000),
-    (0.40, 20000), (0.50, 20000), (0.60, 20000), (0.70, 20000), (0.80, 20000), (0.85, 20000), (0.95, 20000),
-    (0.50, 30000), (0.60, 30000), (0.70, 30000), (0.80, 30000), (0.85, 30000), (0.60, 40000), (0.80, 40000),
+    (0.32, 0), (0.40, 0), (0.50, 0), (0.62, 0), (0.75, 0), (0.85, 0),
+    (0.37, 10000), (0.50, 10000), (0.62, 10000), (0.70, 10000), (0.78, 10000), (0.85, 10000),
+    (0.40, 20000), (0.50, 20000), (0.62, 20000), (0.70, 20000), (0.78, 20000), (0.82, 20000), (0.85, 20000), (0.95, 20000),
+    (0.50, 30000), (0.62, 30000), (0.70, 30000), (0.78, 30000), (0.85, 30000), (0.62, 40000), (0.78, 40000),
 ]  # fmt: skip
 
 

@@ -10,6 +10,7 @@ class Proportional:
     """Feedback of alpha, q and elevator about trim, prefilter gain for unit DC gain (Sillence S 3.2)."""
 
     def __init__(self, gains: Gains, *, alpha_trim_rad: float, elevator_trim_rad: float) -> None:
+        self.gains = gains
         self._alpha, self._q, self._elevator, self._reference = gains.alpha, gains.q, gains.elevator, gains.reference
         self._alpha_trim, self._elevator_trim = alpha_trim_rad, elevator_trim_rad
 

@@ -12,6 +12,7 @@ class ProportionalIntegral:
 
     def __init__(self, gains: Gains, *, alpha_trim_rad: float, elevator_trim_rad: float, control_hz: int) -> None:
         self._proportional = Proportional(gains, alpha_trim_rad=alpha_trim_rad, elevator_trim_rad=elevator_trim_rad)
+        self.gains = gains
         self._per_tick = gains.integral / control_hz
         self._integral = 0.0
 

@@ -11,4 +11,4 @@ class Estimator(Protocol):
     """An estimator of effectiveness: fed one measurement per tick, in order, from tick 0."""
 
     def update(self, measurement: Measurement) -> Estimate:
-        """Take the readings of the next tick, return the estimate that includes them."""
+        """Take the readings of the next tick, return the estimate at that tick."""

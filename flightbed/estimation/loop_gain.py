@@ -11,6 +11,7 @@ from flightbed.estimation import kernels
 from flightbed.sensors import SensorNoise
 from flightbed.short_period import ShortPeriod
 from flightbed.signals import Estimate, Measurement
+from flightbed.units import DEG
 
 Array = npt.NDArray[np.float64]
 
@@ -43,15 +44,15 @@ class LoopGainConfig:
     smoothing: float = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
     absolute: bool = True
-    alpha_disturbance_rad_s: float = 0.0
-    q_disturbance_rad_s2: float = 0.0
+    alpha_disturbance_rad_s: float = 0.6 * DEG
+    q_disturbance_rad_s2: float = 6.0 * DEG
     prior_from_measurement: bool = True
     prior_alpha_rad: float = 0.0
     prior_q_rad_s: float = 0.0
-    prior_alpha_var: float = 1.0
-    prior_q_var: float = 1.0
+    prior_alpha_var: float = DEG**2
+    prior_q_var: float = DEG**2
     prior_effectiveness: float = 1.0
-    prior_effectiveness_var: float = 0.4
+    prior_effectiveness_var: float = 0.63**2
 
 
 class LoopGain:
@@ -72,8 +73,10 @@ class LoopGain:
         self._input_offset = 0.0 if config.absolute else design.elevator_trim_rad
         affine = -discrete.b * design.elevator_trim_rad if config.absolute else np.zeros(2)
         dt = 1.0 / control_hz
+        disturbance = np.diag([(config.alpha_disturbance_rad_s * dt) ** 2, (config.q_disturbance_rad_s2 * dt) ** 2])
+        # An error of the measured deflection moves the prediction by at most b (K = 1): taken as process noise.
         self._settings = kernels.pack_settings(
-            Q=np.diag([(config.alpha_disturbance_rad_s * dt) ** 2, (config.q_disturbance_rad_s2 * dt) ** 2]),
+            Q=disturbance + noise.elevator_rad**2 * np.outer(discrete.b, discrete.b),
             x0=np.array([config.prior_alpha_rad, config.prior_q_rad_s, config.prior_effectiveness]),
             P0=np.diag([config.prior_alpha_var, config.prior_q_var, config.prior_effectiveness_var]),
             inflation=1.0 / config.forgetting if config.memory == "fading" else 1.0,

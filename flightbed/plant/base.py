@@ -11,11 +11,14 @@ from flightbed.signals import Truth
 class Plant(Protocol):
     """An aircraft in flight: sense it, then advance it by one control period."""
 
-    def sense(self, effectiveness: float) -> Truth:
+    def sense(self, effectiveness: float = 1.0) -> Truth:
         """Return the truth at the present tick, from which on this share of the elevator's deflection acts."""
 
-    def advance(self, elevator_cmd_rad: float, effectiveness: float) -> None:
-        """Fly one control period with the command held and this share of the elevator's deflection acting."""
+    def advance(self, elevator_cmd_rad: float, effectiveness: float, following: float) -> None:
+        """Fly one control period with the command held and this share of the elevator's deflection acting.
+
+        ``following`` is the share in the period after it.
+        """
 
 
 class Motion(NamedTuple):

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from functools import cache
 from math import cos, pi
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 os.environ.setdefault("JSBSIM_DEBUG", "0")  # before the import: the banner is printed by the constructor
@@ -28,7 +29,8 @@ from flightbed.units import FT, INCH
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
 _TURBULENCE_MODEL = 4  # MIL-F-8785C spectra, Tustin-discretized (JSBSim's ttTustin)
-_SEVERITY = {"light": 3, "moderate": 4, "severe": 6}  # JSBSim's index of the MIL-F-8785C exceedance curves
+# MIL-F-8785C: above 2000 ft JSBSim's index of the exceedance curve; below 1000 ft the wind at 20 ft, 15, 30 and 45 kt.
+_SEVERITY = MappingProxyType({"light": (3, 25.3), "moderate": (4, 50.6), "severe": (6, 75.9)})
 
 Getter = Callable[[], float]
 Setter = Callable[[float], object]
@@ -198,6 +200,7 @@ class JsbsimPlant:
         cg_shift_cbar: c.g. shift in mean chords, aft positive.
         turbulence: ``"none"``, ``"light"``, ``"moderate"`` or ``"severe"`` (MIL-F-8785C, Tustin).
         seed: of the turbulence.
+        effectiveness: share of the elevator's deflection that acts from the start; the trim does not know of it.
 
     """
 
@@ -211,6 +214,7 @@ class JsbsimPlant:
         cg_shift_cbar: float = 0.0,
         turbulence: str = "none",
         seed: int = 0,
+        effectiveness: float = 1.0,
     ) -> None:
         self._fdm = fdm = _Fdm(aircraft, 1.0 / plant_hz)
         self._substeps = plant_hz // control_hz
@@ -223,10 +227,13 @@ class JsbsimPlant:
         self._command = fdm.setter(aircraft.properties["elevator_cmd_rad"])
         self._effectiveness = fdm.setter(aircraft.properties["effectiveness"])
         self._command(start.elevator_rad)
+        self._effectiveness(effectiveness)
         fdm.settle()
         if turbulence != "none":  # after the last run_ic: the Tustin filters divide by dt, which is 0 in there
             fdm.set("simulation/randomseed", seed)
-            fdm.set("atmosphere/turbulence/milspec/severity", _SEVERITY[turbulence])
+            curve, wind_fps = _SEVERITY[turbulence]
+            fdm.set("atmosphere/turbulence/milspec/severity", curve)
+            fdm.set("atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps", wind_fps)
             fdm.set("atmosphere/turb-type", _TURBULENCE_MODEL)
         self._run = fdm.exec.run
         self._elevator = fdm.getter(aircraft.properties["elevator_rad"])
@@ -271,8 +278,11 @@ class JsbsimPlant:
             effectiveness,
         )
 
-    def advance(self, elevator_cmd_rad: float, effectiveness: float) -> None:
+    def advance(self, elevator_cmd_rad: float, effectiveness: float, following: float) -> None:
         """Fly one control period with the command held and this share of the elevator's deflection acting.
+
+        JSBSim computes at the end of a frame the accelerations that move the aircraft over the next one: the last frame of
+        a period is given the effectiveness of the ``following`` period, which so begins exactly at its tick.
 
         The command is clamped to the stops first: JSBSim's rate limiter runs on beyond them and comes back late.
         """
@@ -280,8 +290,11 @@ class JsbsimPlant:
         self._command(low if elevator_cmd_rad < low else high if elevator_cmd_rad > high else elevator_cmd_rad)
         self._effectiveness(effectiveness)
         elevator, run, total = self._elevator, self._run, 0.0
-        for _ in range(self._substeps):
+        for _ in range(self._substeps - 1):
             # A frame moves the aircraft with the accelerations, and so the deflection, of the frame before.
             total += elevator()
             run()
+        self._effectiveness(following)
+        total += elevator()
+        run()
         self._mean_elevator = total / self._substeps

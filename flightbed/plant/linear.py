@@ -53,8 +53,8 @@ class LinearPlant:
             effectiveness=effectiveness,
         )
 
-    def advance(self, elevator_cmd_rad: float, effectiveness: float) -> None:
-        """Fly one control period with the command held."""
+    def advance(self, elevator_cmd_rad: float, effectiveness: float, following: float) -> None:  # noqa: ARG002
+        """Fly one control period with the command held; exact, so the following period does not matter."""
         d = self._design
         phi, gamma = self._transition(effectiveness)
         # Deviation input plus, in the absolute form, the moment that the trim deflection has lost.

@@ -124,6 +124,25 @@ def test_placement_equals_scipys(design: ShortPeriod, poles: tuple[complex, ...]
     assert [ours.alpha, ours.q, ours.elevator] == pytest.approx(theirs, rel=1e-9)
 
 
+def test_correction_on_the_summed_command_restores_the_poles_when_position_is_not_fed_back(design: ShortPeriod) -> None:
+    """Sillence's Figure 1: with no gain on the elevator's position, K times 1/K drops out of the loop."""
+    A, _ = design.with_actuator()
+    slow = -1.5
+    real = (np.trace(A) - slow) / 2  # the open-loop trace: the elevator gain is then zero
+    gains = design_proportional(design, [slow, complex(real, 5), complex(real, -5)])
+    assert gains.elevator == pytest.approx(0.0, abs=1e-9)
+    healthy = np.linalg.eigvals(closed_loop(design, gains))
+    corrected = np.linalg.eigvals(closed_loop(design, gains, effectiveness=0.3, correction=1 / 0.3))
+    fixed = np.linalg.eigvals(closed_loop(design, gains, effectiveness=0.3))
+    assert np.sort_complex(corrected) == pytest.approx(np.sort_complex(healthy))
+    assert not np.allclose(np.sort_complex(fixed), np.sort_complex(healthy), atol=0.1)
+
+
+def test_the_integrators_eigenvalue_that_table_2_prints_as_0() -> None:
+    found = np.linalg.eigvals(closed_loop(_plant(), _gains(integral=True)))
+    assert max(found.real) == pytest.approx(-1.0e-4, abs=0.05e-4)
+
+
 def test_unreachable_poles_are_a_design_error() -> None:
     dead = ShortPeriod(np.array([[-1.0, 1.0], [2.0, -1.0]]), np.zeros(2), 20.0)
     with pytest.raises(DesignError, match="does not control"):

@@ -11,15 +11,24 @@ from scipy.stats import chi2
 from flightbed.estimation import kernels
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.record import estimate_record
+from flightbed.factories import loop_gain_config
+from flightbed.scenario import EstimatorSettings, Prior
+from flightbed.sensors import SensorNoise
 from flightbed.short_period import ShortPeriod
 from flightbed.signals import Measurement
+from flightbed.units import DEG
 from tests.linear_flight import NOISE, fly_linear
 
 RUNS = 200
 # Two-sided bound that a consistent filter breaks once in 10,000 draws of the seed; the seed is fixed.
 TAIL = 0.5e-4
 EXPANDING = LoopGainConfig(
-    memory="expanding", prior_effectiveness=0.6, prior_effectiveness_var=0.15**2, bounds=(-9.0, 9.0)
+    memory="expanding",
+    prior_effectiveness=0.6,
+    prior_effectiveness_var=0.15**2,
+    bounds=(-9.0, 9.0),
+    alpha_disturbance_rad_s=0.0,
+    q_disturbance_rad_s2=0.0,
 )
 
 
@@ -34,8 +43,8 @@ def test_nis_and_nees_are_chi_square_when_the_model_is_true(
         samples, estimator = fly_linear(design, config=config, effectiveness=K, seed=int(rng.integers(2**31)), ticks=91)
         assert isinstance(estimator, LoopGain)
         final = samples[-1]
-        # Window: take one whole window's innovations, those of filter 0 over its first 30 samples, as independent draws.
-        used = samples[1:] if config.memory == "expanding" else samples[1:30]
+        # Window: the last innovations of three windows that share no sample, so that the draws are independent.
+        used = samples[1:] if config.memory == "expanding" else [samples[30], samples[60], samples[90]]
         nis_sum += sum(s.estimates[0].nis for s in used)
         nis_count += 2 * len(used)
         nees_sum += ((final.estimates[0].effectiveness_raw - K) / final.estimates[0].effectiveness_std) ** 2
@@ -174,6 +183,46 @@ def test_adaptation_rescues_the_linear_plant(design: ShortPeriod) -> None:
     assert max(abs(s.truth.alpha_rad) for s in adaptive) < np.deg2rad(10)
 
 
-def test_no_estimate_needs_plain_mode() -> None:
-    """The kernels are compiled unless FLIGHTBED_PLAIN asks for the plain source."""
-    assert kernels.PLAIN == (type(kernels.tick).__name__ == "function")
+@pytest.mark.parametrize("filters", [1, 7])
+def test_the_tick_gives_the_same_compiled_and_plain(rng: np.random.Generator, filters: int) -> None:
+    settings = kernels.pack_settings(
+        Q=np.diag([1e-8, 1e-6]), x0=np.array([0.0, 0.0, 0.8]), P0=np.diag([1e-5, 1e-4, 0.4]), inflation=1.02, anchor=True,
+        keep=0.9, bounds=(0.0, 1.0), r=np.array([3e-7, 4e-6]), model=np.array([[0.99, 0.01, 0.0, 1e-5], [0.02, 0.99, -0.14, 2e-4]]),
+    )  # fmt: skip
+    one, two = kernels.new_bank(filters), kernels.new_bank(filters)
+    for k in range(40):
+        u, z0, z1 = (float(v) for v in 0.01 * rng.standard_normal(3))
+        compiled = kernels.tick(one, settings, u, z0, z1, k)
+        plain = kernels.tick.py_func(two, settings, u, z0, z1, k)
+        assert compiled == pytest.approx(plain, rel=1e-10, abs=1e-14)
+
+
+def test_defaults_of_class_and_scenario_are_one() -> None:
+    """Field by field, in SI: the Python class and a scenario that says nothing give the same filter."""
+    settings = EstimatorSettings(name="x")
+    assert loop_gain_config(settings) == LoopGainConfig()
+
+
+def test_every_setting_of_a_scenario_reaches_the_filter() -> None:
+    settings = EstimatorSettings(
+        name="x", input="deviation", memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2),
+        alpha_disturbance_deg_s=0.3, q_disturbance_deg_s2=4.0,
+        prior=Prior(state="fixed", alpha_deg=-1.4, q_deg_s=-2.4, alpha_std_deg=0.3, q_std_deg_s=2.0, effectiveness=0.8, effectiveness_std=0.5),
+    )  # fmt: skip
+    assert loop_gain_config(settings) == LoopGainConfig(
+        memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2), absolute=False,
+        alpha_disturbance_rad_s=0.3 * DEG, q_disturbance_rad_s2=4.0 * DEG, prior_from_measurement=False,
+        prior_alpha_rad=-1.4 * DEG, prior_q_rad_s=-2.4 * DEG, prior_alpha_var=(0.3 * DEG) ** 2, prior_q_var=(2.0 * DEG) ** 2,
+        prior_effectiveness=0.8, prior_effectiveness_var=0.25,
+    )  # fmt: skip
+
+
+def test_noise_of_the_position_transducer_widens_sigma(rng: np.random.Generator, design: ShortPeriod) -> None:
+    measurements = _measurements(rng, design, 60)
+
+    def sigma(elevator_std: float) -> float:
+        noise = SensorNoise(NOISE.alpha_rad, NOISE.q_rad_s, elevator_std)
+        estimator = LoopGain(LoopGainConfig(), design=design, noise=noise, control_hz=100)
+        return [estimator.update(m) for m in measurements][-1].effectiveness_std
+
+    assert sigma(0.005) > 1.1 * sigma(0.0)

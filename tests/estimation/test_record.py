@@ -129,14 +129,53 @@ def test_recursion_equals_batch_regression_with_full_covariance(rng: np.random.G
     assert ours.P[-1][2, 2] == pytest.approx(covariance[2, 2], rel=1e-8)
 
 
-def test_batch_with_the_printed_diagonal_covariance_differs(rng: np.random.Generator) -> None:
-    """Eqs (76), (77) hold for no process noise only: without Q they agree, with Q the full covariance is needed."""
+def _batch_as_printed(s: System) -> np.ndarray:
+    """Eqs (76), (77) to the letter: the covariance of V~ taken as diagonal blocks r_k = sum C A^i Q A'^i C' + R."""
+    n, m, N = 2, 2, len(s.u)
+    H, W, z = np.zeros((N * m, n + 1)), np.zeros((N * m, N * m)), s.z.ravel()
+    power, forced, r = np.eye(n), np.zeros(n), s.R.copy()
+    for k in range(N):
+        r = r + s.C @ power @ s.Q @ power.T @ s.C.T
+        power, forced = s.A @ power, s.A @ forced + s.b * s.u[k]
+        rows = slice(k * m, (k + 1) * m)
+        H[rows, :n], H[rows, n], W[rows, rows] = s.C @ power, s.C @ forced, np.linalg.inv(r)
+    prior = np.linalg.inv(s.P0)
+    return np.linalg.solve(prior + H.T @ W @ H, prior @ s.x0 + H.T @ W @ z)
+
+
+def test_batch_with_the_printed_diagonal_covariance_holds_without_process_noise_only(rng: np.random.Generator) -> None:
     s = _system(rng, 2, 2, N=40)
     quiet = s._replace(Q=np.zeros((2, 2)))
-    theta, _ = batch_estimate(**quiet._asdict())
-    without = estimate_record(**quiet._asdict())
-    assert without.effectiveness[-1] == pytest.approx(theta[2], abs=1e-9)
-    assert abs(batch_estimate(**s._asdict())[0][2] - theta[2]) > 1e-4
+    assert estimate_record(**quiet._asdict()).effectiveness[-1] == pytest.approx(_batch_as_printed(quiet)[2], abs=1e-8)
+    noisy = estimate_record(**s._asdict())
+    assert abs(noisy.effectiveness[-1] - _batch_as_printed(s)[2]) > 0.01 * np.sqrt(noisy.P[-1][2, 2])
+
+
+@pytest.mark.parametrize("forgetting", [0.9, 0.99])
+def test_fading_memory_equals_filterpys(rng: np.random.Generator, forgetting: float) -> None:
+    """filterpy's alpha^2 scales F P F', as our 1/lambda does."""
+    s = _system(rng, 2, 2)
+    r = np.diag(s.R).copy()
+    theirs = KalmanFilter(dim_x=3, dim_z=2)
+    theirs.x, theirs.P, theirs.R, theirs.H, theirs.Q = (
+        s.x0.copy(),
+        s.P0.copy(),
+        np.diag(r),
+        np.hstack([s.C, np.zeros((2, 1))]),
+        np.zeros((3, 3)),
+    )
+    theirs.Q[:2, :2] = s.Q
+    theirs.alpha = forgetting**-0.5
+    X, P, T = s.x0[:, None].copy(), s.P0[:, :, None].copy(), np.zeros((4, 3, 1))
+    model = np.column_stack([s.A, s.b, np.zeros(2)])
+    for u, z in zip(s.u, s.z, strict=True):
+        kernels.predict(X, P, T, model, float(u), s.Q, 1.0 / forgetting)
+        kernels.correct(X, P, T, s.C, r, tuple(z.tolist()))
+        theirs.F = np.block([[s.A, (s.b * u)[:, None]], [np.zeros((1, 2)), np.ones((1, 1))]])
+        theirs.predict()
+        theirs.update(z)
+        np.testing.assert_allclose(X[:, 0], theirs.x.ravel(), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(P[:, :, 0], theirs.P, rtol=0, atol=1e-9)
 
 
 def test_compiled_and_plain_kernels_agree(rng: np.random.Generator) -> None:

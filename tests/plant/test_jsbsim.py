@@ -41,13 +41,13 @@ def test_actuator_has_the_lag_and_rate_of_the_overlay_at_every_step(
     plant = _plant(f16, point, plant_hz=plant_hz)
     positions = [plant.sense().elevator_rad]
     for _ in range(60):
-        plant.advance(point.elevator_rad + 20 * DEG, 1.0)
+        plant.advance(point.elevator_rad + 20 * DEG, 1.0, 1.0)
         positions.append(plant.sense().elevator_rad)
     rates = np.diff(positions) * 100 / DEG
     assert rates.max() == pytest.approx(60.0, rel=1e-6)
     small = _plant(f16, point, plant_hz=plant_hz)
     for _ in range(5):
-        small.advance(point.elevator_rad + 0.2 * DEG, 1.0)
+        small.advance(point.elevator_rad + 0.2 * DEG, 1.0, 1.0)
     reached = (small.sense().elevator_rad - point.elevator_rad) / (0.2 * DEG)
     # First order, half a frame late: Tustin's rule averages the step with the frame before it.
     assert reached == pytest.approx(1.0 - np.exp(-20.2 * (0.05 - 0.5 / plant_hz)), abs=0.001)
@@ -57,10 +57,10 @@ def test_commands_beyond_the_stop_come_back_at_once(f16: Aircraft, point: TrimPo
     """JSBSim's rate limiter winds up beyond the stop; the plant's clamp prevents it."""
     plant = _plant(f16, point)
     for _ in range(150):
-        plant.advance(3.0, 1.0)
+        plant.advance(3.0, 1.0, 1.0)
     assert plant.sense().elevator_rad == pytest.approx(25 * DEG)
-    plant.advance(0.0, 1.0)
-    plant.advance(0.0, 1.0)
+    plant.advance(0.0, 1.0, 1.0)
+    plant.advance(0.0, 1.0, 1.0)
     assert plant.sense().elevator_rad < 24.5 * DEG
 
 
@@ -85,7 +85,7 @@ def test_engine_runs_from_the_first_step(f16: Aircraft, point: TrimPoint) -> Non
     # Not 1: at the equator and 20,000 ft gravity is 0.9954 of the standard g that nz counts in, 0.1 % more goes into curving.
     assert start.nz_g == pytest.approx(1.0, abs=0.006)
     for _ in range(100):
-        plant.advance(point.elevator_rad, 1.0)
+        plant.advance(point.elevator_rad, 1.0, 1.0)
     now = plant.sense()
     assert now.airspeed_m_s == pytest.approx(start.airspeed_m_s, abs=0.02)
     assert now.altitude_m == pytest.approx(start.altitude_m, abs=0.1)
@@ -116,7 +116,8 @@ def test_loading_is_silent() -> None:
 def _fly(plant: JsbsimPlant, point: TrimPoint, ticks: int = 300) -> np.ndarray:
     rows = []
     for k in range(ticks):
-        plant.advance(point.elevator_rad + 0.01 * np.sin(0.1 * k), 1.0 if k < 100 else 0.5)
+        K, following = (1.0 if tick < 100 else 0.5 for tick in (k, k + 1))
+        plant.advance(point.elevator_rad + 0.01 * np.sin(0.1 * k), K, following)
         rows.append(plant.sense())
     return np.array(rows)
 
@@ -147,19 +148,47 @@ def test_mean_deflection_is_what_moved_the_aircraft(f16: Aircraft, point: TrimPo
     """Over one tick the pitch rate changes by M_delta times the mean deflection: the frame before counts."""
     plant = _plant(f16, point, plant_hz=400)
     before = plant.sense()
-    plant.advance(point.elevator_rad + 2 * DEG, 1.0)
+    plant.advance(point.elevator_rad + 2 * DEG, 1.0, 1.0)
     after = plant.sense()
     mean = after.elevator_mean_rad - point.elevator_rad
     assert 0.0 < mean < after.elevator_rad - point.elevator_rad
     assert (after.q_rad_s - before.q_rad_s) / 0.01 == pytest.approx(-13.81 * mean, rel=0.02)
 
 
-def test_effectiveness_scales_the_moment_of_the_whole_deflection(f16: Aircraft, point: TrimPoint) -> None:
-    """Trimmed and held, K = 0.2 leaves 80 % of the trim deflection's moment missing: nose down from the first tick."""
-    plant = _plant(f16, point)
-    for _ in range(3):
-        plant.advance(point.elevator_rad, 0.2)
+@pytest.mark.parametrize("plant_hz", [100, 200, 400])
+def test_effectiveness_scales_the_moment_of_the_whole_deflection_from_its_tick_on(
+    f16: Aircraft, point: TrimPoint, plant_hz: int
+) -> None:
+    """Trimmed and held: to K = 0.2 at tick 2. At tick 2 nothing has moved yet; then 80 % of the trim's moment is missing."""
+    plant = _plant(f16, point, plant_hz=plant_hz)
+    healthy = _plant(f16, point, plant_hz=plant_hz)
+    for k in range(5):
+        if k <= 2:
+            assert plant.sense().q_rad_s == healthy.sense().q_rad_s
+        plant.advance(point.elevator_rad, 0.2 if k >= 2 else 1.0, 0.2 if k >= 1 else 1.0)
+        healthy.advance(point.elevator_rad, 1.0, 1.0)
     flown = plant.sense(0.2)
     assert flown.effectiveness == 0.2
-    # Two frames of three ticks lag behind; q' = -M_delta (1 - K) delta_trim, to a few per cent over 25 ms.
-    assert flown.q_rad_s / 0.025 == pytest.approx(13.81 * 0.8 * point.elevator_rad, rel=0.05)
+    # q' = -M_delta (1 - K) delta_trim over 30 ms, less 2 % that the pitch damping takes.
+    assert (flown.q_rad_s - healthy.sense().q_rad_s) / 0.03 == pytest.approx(13.81 * 0.8 * point.elevator_rad, rel=0.03)
+
+
+def test_a_failure_from_the_start_acts_from_the_start(f16: Aircraft, point: TrimPoint) -> None:
+    plant = _plant(f16, point, plant_hz=100, effectiveness=0.2)
+    plant.advance(point.elevator_rad, 0.2, 0.2)
+    assert plant.sense().q_rad_s / 0.01 == pytest.approx(13.81 * 0.8 * point.elevator_rad, rel=0.03)
+
+
+@pytest.mark.parametrize("altitude_ft", [0.0, 500.0, 1500.0, 20000.0])
+def test_turbulence_is_felt_at_every_altitude(f16: Aircraft, altitude_ft: float) -> None:
+    """Below 2000 ft JSBSim needs the wind at 20 ft as well: without it there would be none, silently."""
+    low = trim(JsbsimAirframe(f16, mach=0.5, altitude_m=altitude_ft * FT))
+
+    def alpha(severity: str) -> np.ndarray:
+        plant = JsbsimPlant(
+            f16, _start(low, altitude_ft * FT), control_hz=100, plant_hz=200, turbulence=severity, seed=5
+        )
+        return _fly(plant, low)[:, 0]
+
+    calm = alpha("none")
+    assert 0.02 * DEG < np.std(alpha("light") - calm) < np.std(alpha("severe") - calm)

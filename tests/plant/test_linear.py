@@ -14,7 +14,7 @@ from flightbed.short_period import ShortPeriod
 def test_equals_python_controls_response(design: ShortPeriod) -> None:
     plant, commands = LinearPlant(design, control_hz=100), 0.05 * np.sin(0.07 * np.arange(200))
     for command in commands:
-        plant.advance(float(command) + design.elevator_trim_rad, 1.0)
+        plant.advance(float(command) + design.elevator_trim_rad, 1.0, 1.0)
     A, b = design.with_actuator()
     discrete = control.c2d(control.ss(A, b[:, None], np.eye(3), 0), 0.01)
     response = control.forced_response(discrete, np.arange(201) * 0.01, np.append(commands, 0.0))
@@ -27,8 +27,8 @@ def test_equals_python_controls_response(design: ShortPeriod) -> None:
 @pytest.mark.parametrize("absolute", [True, False])
 def test_lost_effectiveness_and_mean_deflection_against_integration(design: ShortPeriod, absolute: bool) -> None:
     plant, K, command = LinearPlant(design, control_hz=100, absolute=absolute), 0.3, design.elevator_trim_rad + 0.04
-    plant.advance(command, K)
-    plant.advance(command, K)
+    plant.advance(command, K, K)
+    plant.advance(command, K, K)
 
     def rates(_t: float, y: np.ndarray) -> list[float]:
         alpha, q, delta, _ = y
@@ -49,5 +49,5 @@ def test_lost_effectiveness_and_mean_deflection_against_integration(design: Shor
 def test_at_rest_it_stays_at_trim(design: ShortPeriod) -> None:
     plant = LinearPlant(design, control_hz=100)
     for _ in range(500):
-        plant.advance(design.elevator_trim_rad, 1.0)
+        plant.advance(design.elevator_trim_rad, 1.0, 1.0)
     assert plant.sense().alpha_rad == design.alpha_trim_rad
