@@ -39,11 +39,12 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
 def outcome(summary: dict[str, Any]) -> str:
     """Return in words how a flight ended."""
     failed = summary["failed_at_s"]
-    after = "" if failed is None else f", {summary['flown_s'] - failed:.2f} s after the failure"
+    ended = summary["departed_at_s"] if summary["departed"] else summary["flown_s"]
+    after = "" if failed is None else f", {ended - failed:.2f} s after the failure"
     if summary["departed"]:
-        return f"departed at {summary['departed_at_s']:.2f} s{after}"
+        return f"departed at {ended:.2f} s{after}"
     if summary["ended"] == "ground":
-        return f"hit the ground at {summary['flown_s']:.2f} s{after}"
+        return f"hit the ground at {ended:.2f} s{after}"
     return f"flown to {summary['flown_s']:g} s"
 
 
