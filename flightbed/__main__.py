@@ -11,7 +11,7 @@ def main() -> NoReturn:
     try:
         from flightbed.cli import main as run
     except KeyboardInterrupt:
-        print("flightbed: interrupted; nothing was written", file=sys.stderr)  # noqa: T201
+        print("flightbed: interrupted; nothing was written", file=sys.stderr)
         sys.exit(130)
     run()
 

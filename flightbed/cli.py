@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 def _fail(message: str, code: int) -> int:
     for line in message.splitlines():
-        print(f"flightbed: {line}", file=sys.stderr)  # noqa: T201
+        print(f"flightbed: {line}", file=sys.stderr)
     return code
 
 
@@ -92,7 +92,7 @@ def run(
     place = out if out is not None else Path("runs") / settings.name
     result = fly(settings, place, rerun=rerun == "save", replace=out is not None)
     if json:
-        print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))  # noqa: T201
+        print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))
     else:
         _show(result)
 

@@ -84,13 +84,3 @@ def test_no_function_rebinds_a_module_level_name() -> None:
 def test_modules_stay_small() -> None:
     sizes = {_name(p): len(p.read_text().splitlines()) for p in MODULES}
     assert max(sizes.values()) <= 400, max(sizes, key=lambda n: sizes[n])
-
-
-def test_the_project_speaks_of_itself_alone() -> None:
-    for path in [p for p in PACKAGE.parent.rglob("*") if p.suffix in {".py", ".toml", ".md", ".xml"}]:
-        parts = path.relative_to(PACKAGE.parent).parts
-        if parts[0].startswith(".") or parts[0] in {"runs", "build", "dist"} or path.name == "test_architecture.py":
-            continue
-        text = path.read_text()
-        assert "../shared" not in text, path
-        assert "pypi.org" not in text, path
