@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
@@ -16,10 +17,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from flightbed.errors import FlightbedError, OutputError
+from flightbed.errors import FlightbedError, InputError, NoTrimError, OutputError
 
 if TYPE_CHECKING:
+    from flightbed.aircraft import Aircraft
     from flightbed.mission import Result
+    from flightbed.survey import Point, Query
 
 INTERRUPTED = 130
 
@@ -117,6 +120,162 @@ def view(run_folder: str, /) -> int:
             f"rerun --web-viewer {recording}"
         )
     return show(recording)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ConditionOptions:
+    """Where to trim; --altitude-ft and the speed also take lists and a:b:step, and then sweep."""
+
+    mach: str | None = None
+    "Mach number."
+    tas_fps: str | None = None
+    "True airspeed, ft/s."
+    cas_kt: str | None = None
+    "Calibrated airspeed, kt."
+    altitude_ft: str = "20000"
+    "Geometric altitude, ft."
+    gamma_deg: float = 0.0
+    "Flight-path angle, deg."
+    cg_shift_cbar: float = 0.0
+    "C.g. shift in mean chords, aft positive."
+    effectiveness: float = 1.0
+    "Share K of the elevator's deflection that acts."
+
+
+@app.command
+def trim(
+    aircraft: str,
+    /,
+    *,
+    condition: ConditionOptions | None = None,
+    format: Literal["table", "json", "csv"] = "table",  # noqa: A002
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+) -> None:
+    """Find level or climbing flight: angle of attack, elevator, throttle.
+
+    Args:
+        aircraft: A name under aircraft/, or the path of such a folder.
+        condition: Where.
+        format: table for people; json or csv for programs.
+        output: Write to this file instead of stdout.
+
+    """
+    from flightbed import model_files, survey
+
+    plane, queries = _asked(aircraft, condition or ConditionOptions())
+    documents: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
+    for query in queries:
+        try:
+            airframe, point = survey.trim_at(plane, query)
+        except NoTrimError as error:
+            if len(queries) == 1:
+                raise
+            documents.append({"condition": str(query), "no_trim": str(error)})
+            rows.append({**_given(query), "no_trim": str(error)})
+        else:
+            documents.append(survey.trim_document(plane, query, airframe, point))
+            rows.append({**_given(query), **documents[-1]["trim"], "no_trim": ""})
+    if format == "table":
+        text = "".join(
+            "\n".join(model_files.trim_lines(d)) + "\n" if "trim" in d else f"{d['no_trim']}\n" for d in documents
+        )
+    else:
+        text = model_files.json_text(documents) if format == "json" else model_files.csv_text(rows)
+    _deliver(text.encode(), output)
+
+
+@app.command
+def linearize(
+    aircraft: str,
+    /,
+    *,
+    condition: ConditionOptions | None = None,
+    format: Literal["table", "json", "csv", "npz", "mat"] = "table",  # noqa: A002
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    control_hz: float = 100.0,
+) -> None:
+    """Trim and linearize the longitudinal motion: matrices, modes, short period, discrete model.
+
+    Args:
+        aircraft: A name under aircraft/, or the path of such a folder.
+        condition: Where.
+        format: table for people; json, csv (a line a condition), npz or mat (one condition) for tools.
+        output: Write to this file instead of stdout; needed for npz and mat.
+        control_hz: Rate of the discrete model.
+
+    """
+    from flightbed import model_files, survey
+
+    plane, queries = _asked(aircraft, condition or ConditionOptions())
+    if not control_hz > 0.0:
+        raise InputError(f"--control-hz: must be above 0 (got {control_hz:g})")
+    if format in ("npz", "mat"):
+        if len(queries) > 1:
+            raise InputError(f"--format {format}: holds one condition ({len(queries)} are asked for); use json or csv")
+        if output is None:
+            raise InputError(f"--format {format}: is binary; name a file with -o")
+    points: list[Point] = []
+    documents: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
+    for query in queries:
+        try:
+            point = survey.linearize_at(plane, query)
+        except NoTrimError as error:
+            if len(queries) == 1:
+                raise
+            documents.append({"condition": str(query), "no_trim": str(error)})
+            rows.append({**_given(query), "no_trim": str(error)})
+        else:
+            points.append(point)
+            documents.append(survey.document(plane, point, control_hz=control_hz))
+            rows.append(survey.row(point))
+    if format in ("npz", "mat"):
+        content = model_files.binary(model_files.arrays(points[0], documents[0]), format)
+    elif format == "json":
+        content = model_files.json_text(documents).encode()
+    elif format == "csv":
+        content = model_files.csv_text(rows).encode()
+    elif len(queries) == 1:
+        content = model_files.model_table(points[0], documents[0]).encode()
+    else:
+        content = model_files.sweep_table(rows).encode()
+    _deliver(content, output)
+
+
+def _asked(aircraft: str, condition: ConditionOptions) -> tuple[Aircraft, list[Query]]:
+    from flightbed import survey
+    from flightbed.aircraft import load_aircraft
+
+    given = [(name, text) for name in ("mach", "tas_fps", "cas_kt") if (text := getattr(condition, name)) is not None]
+    if len(given) != 1:
+        raise InputError("give exactly one of --mach, --tas-fps and --cas-kt")
+    name, text = given[0]
+    queries = survey.queries(
+        survey.axis(condition.altitude_ft, "--altitude-ft"),
+        name,
+        survey.axis(text, f"--{name.replace('_', '-')}"),
+        gamma_deg=condition.gamma_deg,
+        cg_shift_cbar=condition.cg_shift_cbar,
+        effectiveness=condition.effectiveness,
+    )
+    return load_aircraft(aircraft), list(queries)
+
+
+def _given(query: Query) -> dict[str, float]:
+    name, value = query.speed
+    return {name: value, "altitude_ft": query.altitude_ft}
+
+
+def _deliver(content: bytes, output: Path | None) -> None:
+    from flightbed.model_files import write_whole
+
+    if output is not None:
+        write_whole(output, content)
+        return
+    sys.stdout.buffer.write(content)
+    sys.stdout.buffer.flush()
 
 
 Family = Literal["aircraft", "scenarios", "estimators", "laws", "failures", "commands", "studies"]

@@ -30,7 +30,7 @@ _UNITS = ("g", "g", "rad/s^2")
 
 @dataclass(frozen=True)
 class TrimPoint:
-    """Straight and level equilibrium of an airframe. SI, radians.
+    """Steady symmetric equilibrium of an airframe. SI, radians.
 
     Attributes:
         residual: largest of |V'|/g, V|alpha'|/g and |q'| (g, g, rad/s^2) at the point.
@@ -43,11 +43,12 @@ class TrimPoint:
     elevator_rad: float
     throttle_norm: float
     residual: float
+    altitude_m: float = 0.0
 
     @property
     def motion(self) -> Motion:
         """The trimmed state of motion."""
-        return Motion(self.airspeed_m_s, self.alpha_rad, self.theta_rad, 0.0)
+        return Motion(self.airspeed_m_s, self.alpha_rad, self.theta_rad, 0.0, self.altitude_m)
 
     @property
     def controls(self) -> Controls:
@@ -73,7 +74,8 @@ def trim(airframe: Airframe, *, gamma_rad: float = 0.0) -> TrimPoint:
 
     def residual(x: Vector) -> Vector:
         v = airframe.airspeed_m_s
-        rates = airframe.rates(Motion(v, x[0], x[0] + gamma_rad, 0.0), Controls(x[1], x[2]))
+        motion = Motion(v, x[0], x[0] + gamma_rad, 0.0, airframe.altitude_m)
+        rates = airframe.respond(motion, Controls(x[1], x[2])).rates
         return np.array([rates.airspeed / G0, v * rates.alpha / G0, rates.q])
 
     outside: Vector | None = None
@@ -84,7 +86,13 @@ def trim(airframe: Airframe, *, gamma_rad: float = 0.0) -> TrimPoint:
         if np.all((lower <= x) & (x <= upper)):
             worst = float(np.max(np.abs(residual(x))))
             return TrimPoint(
-                airframe.airspeed_m_s, float(x[0]), float(x[0] + gamma_rad), float(x[1]), float(x[2]), worst
+                airframe.airspeed_m_s,
+                float(x[0]),
+                float(x[0] + gamma_rad),
+                float(x[1]),
+                float(x[2]),
+                worst,
+                airframe.altitude_m,
             )
         outside = x
     raise _no_trim(residual, lower, upper, outside)

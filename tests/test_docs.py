@@ -8,6 +8,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
 
@@ -44,7 +46,15 @@ def test_the_python_of_the_readme_runs() -> None:
     names: dict[str, Any] = {}
     exec(compile(code, "README.md", "exec"), names)
     assert names["result"].metrics.departed is False
-    assert names["model"].A.shape == (4, 4)
+    assert names["model"].A.shape == (5, 5)
+
+
+def test_the_worked_example_of_linearize_says_what_comes_out(capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "linearize.md").read_text(), flags=re.DOTALL)
+    exec(compile(code, "linearize.md", "exec"), {})
+    roots = [float(x) for x in capsys.readouterr().out.strip("[] \n").split()]
+    assert roots[0] == pytest.approx(0.32, abs=0.005)
+    assert 0.009 < roots[-1] < roots[1] < 0.03
 
 
 def test_links_between_documents_lead_somewhere() -> None:

@@ -12,18 +12,20 @@ import pytest
 from flightbed.aircraft import Aircraft
 from flightbed.errors import NoTrimError
 from flightbed.linearize import LinearModel, linearize
+from flightbed.plant.base import Controls, Motion
 from flightbed.plant.jsbsim import JsbsimAirframe, _Fdm
 from flightbed.short_period import ShortPeriod, short_period, zero_order_hold
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT
 
-# Level, away from the flap switches at alpha 5 and 15 deg and Mach 0.9, and from table breakpoints: Mach 0.6, 0.8, 0.9,
-# alpha 0 and 10.03 deg.
+# Level, away from the flap switches at alpha 5 and 15 deg and Mach 0.9, and from breakpoints: Mach 0.6, 0.7, 0.8, 0.9,
+# alpha 0 and 10.03 deg, and the engine's altitudes, whole 10,000 ft.
 CONDITIONS = [
-    (0.32, 0), (0.40, 0), (0.50, 0), (0.62, 0), (0.75, 0), (0.85, 0),
-    (0.37, 10000), (0.50, 10000), (0.62, 10000), (0.70, 10000), (0.78, 10000), (0.85, 10000),
-    (0.40, 20000), (0.50, 20000), (0.62, 20000), (0.70, 20000), (0.78, 20000), (0.82, 20000), (0.85, 20000), (0.95, 20000),
-    (0.50, 30000), (0.62, 30000), (0.70, 30000), (0.78, 30000), (0.85, 30000), (0.62, 40000), (0.78, 40000),
+    (0.32, 500), (0.41, 500), (0.50, 500), (0.62, 500), (0.75, 500), (0.85, 500),
+    (0.37, 10500), (0.50, 10500), (0.62, 10500), (0.72, 10500), (0.78, 10500), (0.85, 10500),
+    (0.41, 20500), (0.50, 20500), (0.62, 20500), (0.72, 20500), (0.78, 20500), (0.82, 20500), (0.85, 20500), (0.95, 20500),
+    (0.47, 30500), (0.50, 30500), (0.62, 30500), (0.72, 30500), (0.78, 30500), (0.82, 30500), (0.85, 30500),
+    (0.62, 39500), (0.72, 39500), (0.78, 39500), (0.85, 39500),
 ]  # fmt: skip
 
 
@@ -33,47 +35,78 @@ def _model(aircraft: Aircraft, mach: float, altitude_ft: float) -> tuple[TrimPoi
     return point, linearize(airframe, point)
 
 
-def _jsbsims_own(
-    aircraft: Aircraft, mach: float, altitude_ft: float
-) -> tuple[dict[str, float], np.ndarray, np.ndarray]:
-    """JSBSim's trim and FGLinearization on the overlay, with the actuator's lag taken out.
+def _fdm(aircraft: Aircraft, mach: float, altitude_ft: float) -> jsbsim.FGFDMExec:
+    """An FDM at a condition, with the elevator actuator's lag taken out.
 
-    With the lag in, its alpha row of B is wrong (it reads alpha-dot one frame late); its inputs are normalized commands.
+    With the lag in, FGLinearization's alpha row of B is wrong: it reads alpha-dot one frame late.
     """
     wrapper = _Fdm(aircraft, 0.005)
     wrapper.configure(altitude_m=altitude_ft * FT, cg_shift_cbar=0.0)
-    fdm = wrapper.exec
-    fdm["fcs/elevator-lag-rad_s"] = 1e9
-    fdm["ic/mach"] = mach
-    fdm.run_ic()
-    fdm.do_trim(jsbsim.TrimMode.LONGITUDINAL) if hasattr(fdm, "do_trim") else fdm.do_simple_trim(0)
-    point = {
-        "alpha": fdm["aero/alpha-rad"],
-        "elevator": fdm["fcs/elevator-pos-rad"],
-        "throttle": fdm["fcs/throttle-cmd-norm"],
-    }
-    own = jsbsim.FGLinearization(fdm)
-    states, inputs = list(own.x_names), list(own.u_names)
-    rows = [states.index("Alpha"), states.index("Q")]
-    column = inputs.index("DeCmd")
-    A = np.array(own.system_matrix)[np.ix_(rows, rows)]
-    b = np.array(own.input_matrix)[rows, column] / aircraft.actuator.max_rad  # per rad: full command is the stop
-    return point, A, b
+    wrapper.exec["fcs/elevator-lag-rad_s"] = 1e9
+    wrapper.exec["ic/mach"] = mach
+    wrapper.exec.run_ic()
+    return wrapper.exec
 
 
 @pytest.mark.parametrize(("mach", "altitude_ft"), CONDITIONS)
-def test_against_jsbsims_own_trim_and_linearizer(f16: Aircraft, mach: float, altitude_ft: float) -> None:
-    point, model = _model(f16, mach, altitude_ft)
-    theirs, A, b = _jsbsims_own(f16, mach, altitude_ft)
+def test_trim_against_jsbsims_own(f16: Aircraft, mach: float, altitude_ft: float) -> None:
+    point, _ = _model(f16, mach, altitude_ft)
+    fdm = _fdm(f16, mach, altitude_ft)
+    fdm.do_trim(jsbsim.TrimMode.LONGITUDINAL)
     assert point.residual < 1e-8
     # JSBSim stops trimming at 1e-3 ft/s^2: a few thousandths of a degree.
-    assert point.alpha_rad == pytest.approx(theirs["alpha"], abs=3e-3 * DEG)
-    assert point.elevator_rad == pytest.approx(theirs["elevator"], abs=3e-3 * DEG)
-    assert point.throttle_norm == pytest.approx(theirs["throttle"], abs=1e-4)
-    ours = short_period(model, actuator_rad_s=f16.actuator.lag_rad_s)
-    # Theirs is taken at their trim and with their own steps: 0.1 %, and 1e-3 1/s where M_alpha passes through zero.
-    np.testing.assert_allclose(ours.A, A, rtol=1e-3, atol=1e-3)
-    np.testing.assert_allclose(ours.b, b, rtol=1e-3, atol=1e-4)
+    assert point.alpha_rad == pytest.approx(fdm["aero/alpha-rad"], abs=3e-3 * DEG)
+    assert point.elevator_rad == pytest.approx(fdm["fcs/elevator-pos-rad"], abs=3e-3 * DEG)
+    assert point.throttle_norm == pytest.approx(fdm["fcs/throttle-cmd-norm"], abs=1e-4)
+
+
+@pytest.mark.parametrize(("mach", "altitude_ft"), CONDITIONS)
+def test_model_against_jsbsims_own_linearizer(f16: Aircraft, mach: float, altitude_ft: float) -> None:
+    """All of A and B of the longitudinal motion within 1e-4, relative to the size of an entry's row and column."""
+    point, model = _model(f16, mach, altitude_ft)
+    assert model.step_error < 1e-6
+    fdm = _fdm(f16, mach, altitude_ft)
+    fdm["ic/alpha-rad"], fdm["ic/gamma-rad"] = point.alpha_rad, 0.0
+    fdm["fcs/elevator-cmd-norm"] = point.elevator_rad / f16.actuator.max_rad
+    fdm["fcs/throttle-cmd-norm"] = point.throttle_norm
+    fdm["propulsion/set-running"] = -1
+    fdm.set_trim_status(True)
+    fdm.run_ic()
+    fdm.set_trim_status(False)
+    own = jsbsim.FGLinearization(fdm)
+    states, inputs = list(own.x_names), list(own.u_names)
+    rows = [states.index(name) for name in ("Vt", "Alpha", "Theta", "Q", "Alt")]
+    columns = [inputs.index(name) for name in ("DeCmd", "ThtlCmd")]
+    si = np.array([FT, 1.0, 1.0, 1.0, FT])  # their speed and altitude are in ft
+    A = np.array(own.system_matrix)[np.ix_(rows, rows)] * si[:, None] / si
+    B = np.array(own.input_matrix)[np.ix_(rows, columns)] * si[:, None]
+    B[:, 0] /= f16.actuator.max_rad  # per rad: full command is the stop
+    # What a state's typical motion (5 m/s, 0.02 rad, 0.02 rad, 0.05 rad/s, 100 m) does to each rate; 0.02 rad, 0.05 throttle.
+    x, u = np.array([5.0, 0.02, 0.02, 0.05, 100.0]), np.array([0.02, 0.05])
+    size = np.max(np.abs(np.hstack([A * x, B * u])), axis=1, keepdims=True)
+    np.testing.assert_array_less(np.abs(model.A - A) * x / size, 1e-4)
+    np.testing.assert_array_less(np.abs(model.B - B) * u / size, 1e-4)
+    # The short period entry by entry.
+    short = np.ix_([1, 3], [1, 3])
+    np.testing.assert_allclose(model.A[short], A[short], rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(model.B[[1, 3], 0], B[[1, 3], 0], rtol=1e-4)
+
+
+@pytest.mark.parametrize(("mach", "altitude_ft"), [(0.5, 10500), (0.78, 20500), (0.85, 30500)])
+def test_model_against_a_least_squares_fit(
+    rng: np.random.Generator, f16: Aircraft, mach: float, altitude_ft: float
+) -> None:
+    """A second differentiator: linear regression over 60 random small motions about the trim point."""
+    airframe = JsbsimAirframe(f16, mach=mach, altitude_m=altitude_ft * FT)
+    point = trim(airframe)
+    model = linearize(airframe, point)
+    size = np.array([0.05, 1e-4, 1e-4, 1e-4, 2.0, 1e-4, 1e-4])
+    offsets = size * rng.uniform(-1, 1, (60, 7))
+    here = np.array([*point.motion, *point.controls])
+    rates = [airframe.respond(Motion(*x[:5]), Controls(*x[5:])).rates for x in here + offsets]
+    fit, *_ = np.linalg.lstsq(np.column_stack([offsets / size, np.ones(60)]), np.array(rates), rcond=None)
+    J = np.hstack([model.A, model.B]) * size
+    np.testing.assert_allclose(fit[:7].T, J, rtol=0, atol=1e-4 * float(np.max(np.abs(J))))
 
 
 def _envelope() -> list[dict[str, float]]:
@@ -101,23 +134,23 @@ def test_the_main_condition_is_open_loop_unstable(f16: Aircraft, design: ShortPe
     assert max(p.real for p in design.poles) == pytest.approx(0.44, abs=0.005)
     _, model = _model(f16, 0.8, 20000)
     system = model.to_control()
-    assert system.state_labels == ["airspeed", "alpha", "theta", "q"]
+    assert system.state_labels == ["airspeed", "alpha", "theta", "q", "altitude"]
     assert system.input_labels == ["elevator", "throttle"]
     assert np.sort_complex(system.poles()) == pytest.approx(np.sort_complex(model.eigenvalues()))
 
 
 def test_linear_model_predicts_a_small_motion(f16: Aircraft) -> None:
     """Rates at a point near trim: the model's error falls with the square of the distance."""
-    airframe = JsbsimAirframe(f16, mach=0.7, altitude_m=6096.0)  # Mach 0.6 is a breakpoint of a table
+    airframe = JsbsimAirframe(f16, mach=0.66, altitude_m=6200.0)  # off the breakpoints of the tables
     point = trim(airframe)
     model = linearize(airframe, point)
     errors = []
     for size in (1.0, 0.5):
-        dx, du = size * np.array([0.5, 0.002, 0.002, 0.002]), size * np.array([0.001, 0.002])
-        moved = airframe.rates(
+        dx, du = size * np.array([0.5, 0.002, 0.002, 0.002, 5.0]), size * np.array([0.001, 0.002])
+        moved = airframe.respond(
             type(point.motion)(*(np.array(point.motion) + dx)), type(point.controls)(*(np.array(point.controls) + du))
         )
-        errors.append(np.abs(np.array(moved) - model.A @ dx - model.B @ du).max())
+        errors.append(np.abs(np.array(moved.rates) - model.A @ dx - model.B @ du).max())
     assert errors[1] < 0.35 * errors[0]
 
 

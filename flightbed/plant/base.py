@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from flightbed.aircraft import Actuator, Limits
@@ -22,12 +23,13 @@ class Plant(Protocol):
 
 
 class Motion(NamedTuple):
-    """A symmetric state of motion, wings level. Airspeed m/s, the rest rad and rad/s."""
+    """A symmetric state of motion, wings level. Airspeed m/s, altitude m, the rest rad and rad/s."""
 
     airspeed_m_s: float
     alpha_rad: float
     theta_rad: float
     q_rad_s: float
+    altitude_m: float
 
 
 class Controls(NamedTuple):
@@ -38,21 +40,35 @@ class Controls(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """Time derivatives of a motion: m/s^2, rad/s, rad/s, rad/s^2, in the order of Motion."""
+    """Time derivatives of a motion: m/s^2, rad/s, rad/s, rad/s^2, m/s, in the order of Motion."""
 
     airspeed: float
     alpha: float
     theta: float
     q: float
+    altitude: float
+
+
+class Response(NamedTuple):
+    """What the equations of motion say at a motion: its derivatives, and the load factor at the c.g. and at the pilot, g."""
+
+    rates: Rates
+    nz_g: float
+    nz_pilot_g: float
 
 
 class Airframe(Protocol):
-    """The equations of motion of one aircraft at one altitude and c.g., actuators settled, engine at steady state."""
+    """The equations of motion of one aircraft at one condition, actuators settled, engine at steady state."""
 
     name: str
     actuator: Actuator
     limits: Limits
     airspeed_m_s: float  # of the condition
+    altitude_m: float  # of the condition
+    mach: float  # of the condition
 
-    def rates(self, motion: Motion, controls: Controls) -> Rates:
-        """Return the time derivatives at a motion with the controls held there."""
+    def respond(self, motion: Motion, controls: Controls) -> Response:
+        """Return derivatives and load factors at a motion with the controls held there."""
+
+    def breakpoints(self, quantity: str) -> Sequence[float]:
+        """Return where the tables and switches over a quantity have kinks: ``"mach"``, ``"alpha"`` or ``"elevator"``."""

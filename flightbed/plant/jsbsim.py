@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
-from math import cos, pi
+from math import cos, pi, sin
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -23,14 +23,20 @@ import jsbsim
 
 from flightbed.aircraft import Aircraft
 from flightbed.errors import AircraftError
-from flightbed.plant.base import Controls, Motion, Rates
+from flightbed.plant.base import Controls, Motion, Rates, Response
 from flightbed.signals import Truth
-from flightbed.units import FT, INCH
+from flightbed.tables import breakpoints
+from flightbed.units import FT, INCH, KT
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
 _TURBULENCE_MODEL = 4  # MIL-F-8785C spectra, Tustin-discretized (JSBSim's ttTustin)
 # MIL-F-8785C: above 2000 ft JSBSim's index of the exceedance curve; below 1000 ft the wind at 20 ft, 15, 30 and 45 kt.
 _SEVERITY = MappingProxyType({"light": (3, 25.3), "moderate": (4, 50.6), "severe": (6, 75.9)})
+
+_RESPONSE = (
+    "velocities/u-fps", "velocities/w-fps", "accelerations/udot-ft_sec2", "accelerations/wdot-ft_sec2",
+    "accelerations/qdot-rad_sec2", "accelerations/Nz", "accelerations/n-pilot-z-norm",
+)  # fmt: skip
 
 Getter = Callable[[], float]
 Setter = Callable[[float], object]
@@ -113,6 +119,20 @@ class _Fdm:
 
 
 @cache
+def _patched(aircraft: Aircraft) -> bytes:
+    stock = Path(jsbsim.get_default_root_dir()) / aircraft.stock_file
+    try:
+        return aircraft.patch(stock.read_bytes())
+    except OSError as error:
+        raise AircraftError(f"aircraft {aircraft.name}: stock model {aircraft.stock_file}: {error.strerror}") from None
+
+
+@cache
+def _breakpoints(aircraft: Aircraft, path: str) -> tuple[float, ...]:
+    return breakpoints(_patched(aircraft), path)
+
+
+@cache
 def _workspace() -> tempfile.TemporaryDirectory[str]:
     return tempfile.TemporaryDirectory(prefix="flightbed-")
 
@@ -120,26 +140,26 @@ def _workspace() -> tempfile.TemporaryDirectory[str]:
 @cache
 def _model_folder(aircraft: Aircraft) -> Path:
     """Write the patched model where JSBSim can load it; the folder goes with the process."""
-    stock = Path(jsbsim.get_default_root_dir()) / aircraft.stock_file
-    try:
-        content = stock.read_bytes()
-    except OSError as error:
-        raise AircraftError(f"aircraft {aircraft.name}: stock model {aircraft.stock_file}: {error.strerror}") from None
     folder = Path(tempfile.mkdtemp(dir=_workspace().name))
     (folder / aircraft.name).mkdir()
-    (folder / aircraft.name / f"{aircraft.name}.xml").write_bytes(aircraft.patch(content))
+    (folder / aircraft.name / f"{aircraft.name}.xml").write_bytes(_patched(aircraft))
     return folder
 
 
 class JsbsimAirframe:
-    """The equations of motion of an aircraft at one altitude and c.g.; an Airframe.
+    """The equations of motion of an aircraft at one condition; an Airframe.
+
+    Exactly one of mach, tas_m_s and cas_m_s gives the airspeed.
 
     Args:
         aircraft: the overlay aircraft.
-        mach: of the condition; sets ``airspeed_m_s``.
+        mach, tas_m_s, cas_m_s: Mach number, true airspeed, calibrated airspeed (m/s).
         altitude_m: geometric altitude above sea level, m.
         cg_shift_cbar: c.g. shift in mean chords, aft positive.
         effectiveness: share of the elevator's deflection that acts.
+
+    Attributes:
+        mach: Mach number of the condition, however it was given.
 
     """
 
@@ -147,37 +167,42 @@ class JsbsimAirframe:
         self,
         aircraft: Aircraft,
         *,
-        mach: float,
         altitude_m: float,
+        mach: float | None = None,
+        tas_m_s: float | None = None,
+        cas_m_s: float | None = None,
         cg_shift_cbar: float = 0.0,
         effectiveness: float = 1.0,
     ) -> None:
+        given = {"ic/mach": mach, "ic/vt-fps": tas_m_s and tas_m_s / FT, "ic/vc-kts": cas_m_s and cas_m_s / KT}
+        speeds = [(path, value) for path, value in given.items() if value is not None]
+        if len(speeds) != 1:
+            raise TypeError("exactly one of mach, tas_m_s and cas_m_s must be given")
         self.name, self.actuator, self.limits = aircraft.name, aircraft.actuator, aircraft.limits
         self._fdm = fdm = _Fdm(aircraft, 1.0 / 200.0)
         fdm.configure(altitude_m=altitude_m, cg_shift_cbar=cg_shift_cbar)
-        fdm.set("ic/mach", mach)
+        fdm.set(*speeds[0])
         fdm.set(aircraft.properties["effectiveness"], effectiveness)
-        self.airspeed_m_s = fdm.getter("ic/vt-fps")() * FT
+        self.altitude_m, self.effectiveness, self.cg_shift_cbar = altitude_m, effectiveness, cg_shift_cbar
+        self.airspeed_m_s, self.mach = fdm.getter("ic/vt-fps")() * FT, fdm.getter("ic/mach")()
+        self._set_altitude = fdm.setter("ic/h-sl-ft")
         self._set_airspeed = fdm.setter("ic/vt-fps")
         self._set_alpha = fdm.setter("ic/alpha-rad")
         self._set_gamma = fdm.setter("ic/gamma-rad")
         self._set_q = fdm.setter("ic/q-rad_sec")
         self._set_elevator = fdm.setter(aircraft.properties["elevator_cmd_rad"])
         self._set_throttle = fdm.setter(aircraft.properties["throttle_norm"])
-        self._get = [
-            fdm.getter(p)
-            for p in (
-                "velocities/u-fps",
-                "velocities/w-fps",
-                "accelerations/udot-ft_sec2",
-                "accelerations/wdot-ft_sec2",
-                "accelerations/qdot-rad_sec2",
-            )
-        ]
+        self._get = [fdm.getter(p) for p in _RESPONSE]
+        self._kinks = {
+            "mach": _breakpoints(aircraft, "velocities/mach"),
+            "alpha": _breakpoints(aircraft, "aero/alpha-rad"),
+            "elevator": _breakpoints(aircraft, "fcs/elevator-eff-rad"),
+        }
 
-    def rates(self, motion: Motion, controls: Controls) -> Rates:
-        """Return the time derivatives at a motion with the controls held there."""
-        # Order matters: the airspeed, then alpha, then gamma.
+    def respond(self, motion: Motion, controls: Controls) -> Response:
+        """Return derivatives and load factors at a motion with the controls held there."""
+        # Order matters: altitude keeps the kind of speed that was set last, alpha keeps the flight path.
+        self._set_altitude(motion.altitude_m / FT)
         self._set_airspeed(motion.airspeed_m_s / FT)
         self._set_alpha(motion.alpha_rad)
         self._set_gamma(motion.theta_rad - motion.alpha_rad)
@@ -185,9 +210,15 @@ class JsbsimAirframe:
         self._set_elevator(controls.elevator_rad)
         self._set_throttle(controls.throttle_norm)
         self._fdm.settle()
-        u, w, udot, wdot, qdot = (get() for get in self._get)
+        u, w, udot, wdot, qdot, nz, nz_pilot = (get() for get in self._get)
         v2 = u * u + w * w
-        return Rates((u * udot + w * wdot) / v2**0.5 * FT, (u * wdot - w * udot) / v2, motion.q_rad_s, qdot)
+        climb = motion.airspeed_m_s * sin(motion.theta_rad - motion.alpha_rad)
+        rates = Rates((u * udot + w * wdot) / v2**0.5 * FT, (u * wdot - w * udot) / v2, motion.q_rad_s, qdot, climb)
+        return Response(rates, nz, -nz_pilot)
+
+    def breakpoints(self, quantity: str) -> Sequence[float]:
+        """Return where the tables and switches over a quantity have kinks: ``"mach"``, ``"alpha"`` or ``"elevator"``."""
+        return self._kinks[quantity]
 
 
 class JsbsimPlant:

@@ -68,13 +68,13 @@ def test_one_settling_is_exact(f16: Aircraft) -> None:
     """Hidden states settle at once: the same point evaluated after any other gives the same bits."""
     airframe = JsbsimAirframe(f16, mach=0.6, altitude_m=ALTITUDE)
     v = airframe.airspeed_m_s
-    here = (Motion(v, 0.05, 0.05, 0.01), Controls(-0.02, 0.3))
-    first = airframe.rates(*here)
-    airframe.rates(Motion(v, 0.2, 0.1, -0.1), Controls(0.3, 0.9))
-    again = airframe.rates(*here)
+    here = (Motion(v, 0.05, 0.05, 0.01, ALTITUDE), Controls(-0.02, 0.3))
+    first = airframe.respond(*here).rates
+    airframe.respond(Motion(v, 0.2, 0.1, -0.1, ALTITUDE), Controls(0.3, 0.9))
+    again = airframe.respond(*here).rates
     # The IC object keeps a round-off wind from one call to the next: equal to 1e-12, not to the bit.
     assert again == pytest.approx(first, rel=1e-11, abs=1e-13)
-    moved = airframe.rates(here[0], Controls(-0.02 + 1 * DEG, 0.3))
+    moved = airframe.respond(here[0], Controls(-0.02 + 1 * DEG, 0.3)).rates
     assert (moved.q - first.q) / DEG == pytest.approx(-7.9, abs=0.3)  # all of M_delta, not a lagged part of it
 
 

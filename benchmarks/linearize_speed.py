@@ -1,0 +1,93 @@
+"""Milliseconds per linear model: flightbed against JSBSim's own FGLinearization, on the same aircraft and condition.
+
+    python benchmarks/linearize_speed.py [--rounds 7]
+
+FGLinearization gives twelve states and four inputs; flightbed's longitudinal model has five and two, the short period two
+and one. They are timed in turn; medians and ranges over the rounds, ratios round by round.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+
+import jsbsim
+import numpy as np
+
+from flightbed.aircraft import load_aircraft
+from flightbed.linearize import linearize
+from flightbed.plant.base import Controls, Motion
+from flightbed.plant.jsbsim import JsbsimAirframe
+from flightbed.survey import Query, linearize_at
+from flightbed.trim import trim
+from flightbed.units import DEG
+
+
+def _timed(work: Callable[[], object], repeat: int) -> float:
+    began = time.perf_counter()
+    for _ in range(repeat):
+        work()
+    return (time.perf_counter() - began) / repeat * 1e3
+
+
+def main(rounds: int) -> None:
+    """Print the comparison."""
+    f16 = load_aircraft("f16")
+    airframe = JsbsimAirframe(f16, mach=0.72, altitude_m=6248.4)
+    point = trim(airframe)
+    airframe.respond(point.motion, point.controls)
+    fdm = airframe._fdm.exec
+    dt = fdm.get_delta_t()
+
+    def theirs() -> None:
+        jsbsim.FGLinearization(fdm)
+        fdm.set_dt(dt)  # it leaves 0 behind
+
+    def short_period_alone() -> np.ndarray:
+        x, u = point.motion, point.controls
+        columns = []
+        for plus, minus, step in (
+            (
+                (x._replace(alpha_rad=x.alpha_rad + 1e-3 * DEG), u),
+                (x._replace(alpha_rad=x.alpha_rad - 1e-3 * DEG), u),
+                1e-3 * DEG,
+            ),
+            ((x._replace(q_rad_s=1e-4), u), (x._replace(q_rad_s=-1e-4), u), 1e-4),
+            ((x, Controls(u[0] + 1e-3 * DEG, u[1])), (x, Controls(u[0] - 1e-3 * DEG, u[1])), 1e-3 * DEG),
+        ):
+            up, down = airframe.respond(*plus).rates, airframe.respond(*minus).rates
+            columns.append([(up.alpha - down.alpha) / (2 * step), (up.q - down.q) / (2 * step)])
+        return np.array(columns).T
+
+    assert isinstance(point.motion, Motion)
+    ways: dict[str, tuple[Callable[[], object], int]] = {
+        "FGLinearization": (theirs, 2),
+        "longitudinal model, checked step and kinks": (lambda: linearize(airframe, point), 20),
+        "short period alone, central differences": (short_period_alone, 50),
+    }
+    times: dict[str, list[float]] = {name: [] for name in ways}
+    for _ in range(rounds):
+        for name, (work, repeat) in ways.items():
+            times[name].append(_timed(work, repeat))
+    for name, values in times.items():
+        ratio = statistics.median(t / v for t, v in zip(times["FGLinearization"], values, strict=True))
+        print(
+            f"{name:43} {statistics.median(values):8.3f} ms ({min(values):.3f} to {max(values):.3f}), {ratio:6.0f} x faster"
+        )
+    began = time.perf_counter()
+    sweep = [
+        linearize_at(f16, Query(altitude_ft=h, mach=m))
+        for h in range(5500, 35500, 3000)
+        for m in np.linspace(0.5, 0.95, 10)
+    ]
+    print(
+        f"{len(sweep)} conditions, each with its own FDM, trimmed and linearized: {time.perf_counter() - began:.2f} s"
+    )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=7)
+    main(parser.parse_args().rounds)

@@ -1,0 +1,126 @@
+"""LinearModel -> modes with names, and the short period's flying qualities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf, log
+
+import numpy as np
+
+from flightbed.linearize import LinearModel
+from flightbed.units import G0
+
+_FAST = ("alpha", "q")
+_SLOW = ("airspeed", "theta")
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One real eigenvalue, or one complex pair.
+
+    Attributes:
+        name: what it is called; "real" is in the name where two real roots stand for an oscillation.
+        eigenvalue: rad/s; of a pair the one with the positive imaginary part.
+
+    """
+
+    name: str
+    eigenvalue: complex
+
+    @property
+    def omega_n_rad_s(self) -> float:
+        """Undamped natural frequency; of a real root its distance from 0."""
+        return abs(self.eigenvalue)
+
+    @property
+    def zeta(self) -> float:
+        """Damping ratio; of a real root 1 if stable, -1 if not."""
+        return -self.eigenvalue.real / self.omega_n_rad_s if self.omega_n_rad_s else 1.0
+
+    @property
+    def time_constant_s(self) -> float:
+        """-1 / real part: time in which it decays to 1/e, negative for growth, infinite at 0."""
+        return -1.0 / self.eigenvalue.real if self.eigenvalue.real else inf
+
+    @property
+    def time_to_half_or_double_s(self) -> float:
+        """Time to half amplitude if stable, to double if not, infinite at 0."""
+        return log(2.0) / abs(self.eigenvalue.real) if self.eigenvalue.real else inf
+
+
+def longitudinal_modes(model: LinearModel) -> tuple[Mode, ...]:
+    """Name the longitudinal modes by which states take part in them.
+
+    A mode in which alpha and q hold more than half of the participation (the products of left and right eigenvectors) is the
+    short period, the rest with airspeed and theta is the phugoid, and a root that is mostly altitude the altitude mode. Two real roots in
+    place of a pair are called so; a pair that takes one root of each is a third oscillation.
+    """
+    values, right = np.linalg.eig(model.A)
+    left = np.linalg.inv(right)
+    share = np.abs(right * left.T)
+    share /= share.sum(axis=0)
+    names = [name for name, _ in model.states]
+
+    def part(i: int, states: Iterable[str]) -> float:
+        return float(sum(share[names.index(s), i] for s in states if s in names))
+
+    kinds = []
+    for i in range(len(values)):
+        by_kind = {"short period": part(i, _FAST), "phugoid": part(i, _SLOW), "altitude": part(i, ["altitude"])}
+        kinds.append(max(by_kind, key=lambda kind: by_kind[kind]))
+    modes = []
+    for i, value in enumerate(values):
+        if value.imag < 0.0:
+            continue
+        alone = kinds.count(kinds[i]) % 2 == 1 and kinds[i] != "altitude"
+        name = kinds[i]
+        if value.imag > 0.0 and alone:
+            name = "third oscillation"
+        elif value.imag == 0.0 and kinds[i] != "altitude":
+            name = f"{kinds[i]}, real root"
+        modes.append(Mode(name, complex(value)))
+    return tuple(sorted(modes, key=lambda mode: -mode.omega_n_rad_s))
+
+
+@dataclass(frozen=True)
+class FlyingQualities:
+    """Short-period flying qualities by MIL-F-8785C, 3.2.2.1, category A flight phases.
+
+    Attributes:
+        n_alpha_g_rad: n/alpha, load factor per angle of attack.
+        omega_n_rad_s, zeta: short period; None when it is two real roots.
+        cap: control anticipation parameter omega_n^2 / (n/alpha), 1/(g s^2); None likewise.
+        level: 1, 2, 3, or None when the requirement cannot be applied, or is not met at all.
+
+    """
+
+    n_alpha_g_rad: float
+    omega_n_rad_s: float | None
+    zeta: float | None
+    cap: float | None
+    level: int | None
+
+
+def flying_qualities(model: LinearModel) -> FlyingQualities:
+    """Rate the bare airframe's short period.
+
+    Category A limits of MIL-F-8785C (1980), Figure 1a and Table IV: level 1 CAP 0.28 to 3.6 and zeta 0.35 to 1.30, omega_n at least 1.0;
+    level 2 CAP 0.16 to 10 and zeta 0.25 to 2.0, omega_n at least 0.6; level 3 CAP at least 0.16 and zeta at least 0.15.
+    n/alpha is taken in the short period, -V Z_alpha / g.
+    """
+    names = [name for name, _ in model.states]
+    n_alpha = -model.trim.airspeed_m_s * float(model.A[names.index("alpha"), names.index("alpha")]) / G0
+    pair = [m for m in longitudinal_modes(model) if m.name == "short period"]
+    if not pair:
+        return FlyingQualities(n_alpha, None, None, None, None)
+    omega, zeta = pair[0].omega_n_rad_s, pair[0].zeta
+    cap = omega**2 / n_alpha
+    level = None
+    if 0.28 <= cap <= 3.6 and 0.35 <= zeta <= 1.30 and omega >= 1.0:
+        level = 1
+    elif 0.16 <= cap <= 10.0 and 0.25 <= zeta <= 2.0 and omega >= 0.6:
+        level = 2
+    elif cap >= 0.16 and zeta >= 0.15:
+        level = 3
+    return FlyingQualities(n_alpha, omega, zeta, cap, level)
