@@ -195,6 +195,7 @@ def linearize(
     format: Literal["table", "json", "csv", "npz", "mat"] = "table",  # noqa: A002
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     control_hz: float = 100.0,
+    validate: Annotated[bool, Parameter(negative="", show_default=False)] = False,
 ) -> None:
     """Trim and linearize the longitudinal motion: matrices, modes, short period, discrete model.
 
@@ -204,6 +205,7 @@ def linearize(
         format: table for people; json, csv (a line a condition), npz or mat (one condition) for tools.
         output: Write to this file instead of stdout; needed for npz and mat.
         control_hz: Rate of the discrete model.
+        validate: Fly a small elevator doublet through the aircraft too, at 200 and 400 Hz, and tell how far the model is.
 
     """
     from flightbed import model_files, survey
@@ -229,7 +231,7 @@ def linearize(
             rows.append({**_given(query), "no_trim": str(error)})
         else:
             points.append(point)
-            documents.append(survey.document(plane, point, control_hz=control_hz))
+            documents.append(survey.document(plane, point, control_hz=control_hz, validated=validate))
             rows.append(survey.row(point))
     if format in ("npz", "mat"):
         content = model_files.binary(model_files.arrays(points[0], documents[0]), format)

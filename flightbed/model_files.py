@@ -48,6 +48,16 @@ def model_table(point: Point, document: Mapping[str, Any]) -> str:
         else (f"CAP {q.cap:.3g}, zeta {q.zeta:.2f}: " + (f"level {q.level}" if q.level else "below level 3"))
     )
     lines += ["", f"short period, MIL-F-8785C category A: n/alpha {q.n_alpha_g_rad:.3g} g/rad, {rating}"]
+    enough = point.authority
+    hold = (
+        "no unstable short period"
+        if enough.hold is None
+        else (f"{enough.hold:.3f} to hold the unstable mode from {np.rad2deg(enough.alpha_rad):g} deg of alpha")
+    )
+    lines += _wrapped(f"elevator: smallest K {enough.trim:.3f} to trim; ", hold.split(" "), " ")
+    for result in document.get("validation", ()):
+        errors = ", ".join(f"{state} {error:.2%}" for state, error in result["errors"].items())
+        lines += _wrapped(f"against the aircraft at {result['plant_hz']} Hz: ", errors.split(" "), " ")
     lines.append(f"differences: halving the step changes no entry by more than {model.step_error:.0e} of its row")
     for kink in model.kinks:
         lines += _wrapped("warning: on a kink, averaged: ", str(kink).split(" "), " ")
@@ -71,7 +81,7 @@ def trim_lines(document: Mapping[str, Any]) -> list[str]:
 
 def sweep_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return a sweep as text."""
-    lines = ["  Mach  altitude,ft  alpha,deg  elev,deg  thr   M_alpha  M_delta  fastest root"]
+    lines = ["  Mach  altitude,ft  alpha,deg  elev,deg  thr   M_alpha  M_delta  fastest  K min"]
     for r in rows:
         start = f"{r['mach']:6.3f}  {r['altitude_ft']:11.0f}"
         if r["no_trim"]:
@@ -79,7 +89,8 @@ def sweep_table(rows: Sequence[Mapping[str, Any]]) -> str:
         else:
             lines.append(
                 f"{start}  {r['alpha_deg']:9.3f}  {r['elevator_deg']:8.3f}  {r['throttle_norm']:4.2f}  {r['M_alpha']:7.3f}  "
-                f"{r['M_delta']:7.2f}  {r['fastest_unstable_rad_s']:+7.3f}{' kink' if r['kinks_short_period'] else ''}"
+                f"{r['M_delta']:7.2f}  {r['fastest_unstable_rad_s']:+7.3f} "
+                f"{max(r['effectiveness_min_trim'], r['effectiveness_min_hold'] or 0.0):6.3f}{' kink' if r['kinks_short_period'] else ''}"
             )
     return "\n".join(lines) + "\n"
 

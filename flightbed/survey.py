@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from flightbed.aircraft import Aircraft
+from flightbed.authority import Authority, authority
 from flightbed.errors import InputError, NoTrimError
 from flightbed.linearize import LinearModel, linearize
 from flightbed.modes import FlyingQualities, flying_qualities, longitudinal_modes
@@ -17,6 +18,7 @@ from flightbed.plant.jsbsim import JsbsimAirframe, version
 from flightbed.short_period import ShortPeriod, short_period, zero_order_hold
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT, KT
+from flightbed.validate import validate
 
 _MOST = 100_000  # values of one axis
 _SPEEDS = {"mach": ("mach", 1.0), "tas_fps": ("tas_m_s", FT), "cas_kt": ("cas_m_s", KT)}
@@ -61,6 +63,7 @@ class Point:
     model: LinearModel
     design: ShortPeriod
     qualities: FlyingQualities
+    authority: Authority
 
 
 def axis(text: str, option: str) -> tuple[float, ...]:
@@ -119,7 +122,8 @@ def linearize_at(aircraft: Aircraft, query: Query) -> Point:
     airframe, point = trim_at(aircraft, query)
     model = linearize(airframe, point)
     design = short_period(model, actuator_rad_s=aircraft.actuator.lag_rad_s)
-    return Point(query, airframe, point, model, design, flying_qualities(model))
+    enough = authority(design, aircraft.actuator, effectiveness=query.effectiveness)
+    return Point(query, airframe, point, model, design, flying_qualities(model), enough)
 
 
 def trim_document(aircraft: Aircraft, query: Query, airframe: JsbsimAirframe, point: TrimPoint) -> dict[str, Any]:
@@ -144,11 +148,18 @@ def trim_document(aircraft: Aircraft, query: Query, airframe: JsbsimAirframe, po
     }
 
 
-def document(aircraft: Aircraft, point: Point, *, control_hz: float) -> dict[str, Any]:
+def document(aircraft: Aircraft, point: Point, *, control_hz: float, validated: bool = False) -> dict[str, Any]:
     """Return a linear model as plain values, as ``linearize --format json`` prints it; SI and radians but for ``trim``."""
     model, design, qualities = point.model, point.design, point.qualities
     discrete = [zero_order_hold(model.A, model.B[:, i], 1.0 / control_hz) for i in range(model.B.shape[1])]
+    query = point.query
+    flown = (
+        validate(aircraft, model, cg_shift_cbar=query.cg_shift_cbar, effectiveness=query.effectiveness)
+        if validated
+        else ()
+    )
     return {
+        **({"validation": [asdict(result) for result in flown]} if validated else {}),
         **trim_document(aircraft, point.query, point.airframe, point.trim),
         "states": [{"name": name, "unit": unit} for name, unit in model.states],
         "inputs": [{"name": name, "unit": unit} for name, unit in model.inputs],
@@ -182,6 +193,11 @@ def document(aircraft: Aircraft, point: Point, *, control_hz: float) -> dict[str
             "A": discrete[0].A.tolist(),
             "B": np.column_stack([d.b for d in discrete]).tolist(),
         },
+        "authority": {
+            "effectiveness_min_trim": point.authority.trim,
+            "effectiveness_min_hold": point.authority.hold,
+            "hold_from_alpha_rad": point.authority.alpha_rad,
+        },
         "step_error": model.step_error,
         "kinks": [str(kink) for kink in model.kinks],
         "sources": {
@@ -212,6 +228,8 @@ def row(point: Point) -> dict[str, Any]:
         "n_alpha_g_rad": point.qualities.n_alpha_g_rad,
         "cap": point.qualities.cap,
         "level": point.qualities.level,
+        "effectiveness_min_trim": point.authority.trim,
+        "effectiveness_min_hold": point.authority.hold,
         "kinks": len(model.kinks),
         "kinks_short_period": sum(
             k.row in ("alpha'", "q'") and k.column in ("alpha", "q", "elevator") for k in model.kinks

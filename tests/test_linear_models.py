@@ -23,6 +23,7 @@ from flightbed.survey import Query, axis, document, linearize_at, trim_at
 from flightbed.tables import breakpoints
 from flightbed.trim import TrimPoint
 from flightbed.units import DEG, FT
+from flightbed.validate import validate
 
 COMMAND = [sys.executable, "-m", "flightbed"]
 
@@ -303,3 +304,56 @@ def test_python_gives_what_the_command_prints(f16: Aircraft) -> None:
     printed = document(f16, point, control_hz=50.0)
     assert printed["discrete"]["control_hz"] == 50.0
     assert printed["A"] == point.model.A.tolist()
+
+
+def test_the_aircraft_follows_the_linear_model_with_an_error_of_first_order_in_the_step(f16: Aircraft) -> None:
+    """JSBSim's frame delay and Euler rates are first order: halving the step halves the error of every state."""
+    for mach in (0.5, 0.78):
+        model = linearize_at(f16, Query(altitude_ft=20500, mach=mach)).model
+        coarse, fine = validate(f16, model, amplitude_rad=0.02 * DEG)
+        assert (coarse.plant_hz, fine.plant_hz) == (200, 400)
+        for state in ("alpha", "theta", "q"):
+            assert coarse.errors[state] < 0.02
+            assert coarse.errors[state] / fine.errors[state] == pytest.approx(2.0, abs=0.15)
+
+
+def test_validate_is_printed(tmp_path: Path) -> None:
+    arguments = ["linearize", "f16", "--mach", "0.72", "--altitude-ft", "20500", "--validate"]
+    text = _flightbed(*arguments, cwd=tmp_path).stdout
+    assert "against the aircraft at 200 Hz: airspeed" in text
+    assert max(map(len, text.splitlines())) <= 80
+    printed = json.loads(_flightbed(*arguments, "--format", "json", cwd=tmp_path).stdout)
+    assert [v["plant_hz"] for v in printed["validation"]] == [200, 400]
+
+
+def test_authority_to_trim_is_where_the_trim_deflection_meets_the_stop(f16: Aircraft) -> None:
+    point = linearize_at(f16, Query(altitude_ft=20500, mach=0.72))
+    least = point.authority.trim
+    _, barely = trim_at(f16, Query(altitude_ft=20500, mach=0.72, effectiveness=least * 1.001))
+    assert barely.elevator_rad == pytest.approx(-25 * DEG, rel=2e-3)
+    with pytest.raises(NoTrimError, match="at the limit of elevator min .* in pitch"):
+        trim_at(f16, Query(altitude_ft=20500, mach=0.72, effectiveness=least * 0.98))
+    weak = linearize_at(f16, Query(altitude_ft=20500, mach=0.72, effectiveness=0.5))
+    assert weak.authority.trim == pytest.approx(least, rel=1e-6)  # the same aircraft, asked at another K
+
+
+def test_authority_to_hold_is_where_full_elevator_just_brings_the_mode_back(f16: Aircraft) -> None:
+    """Fly the short period with the elevator on its stop from 1 deg off trim: 2 % more K recovers, 2 % less is lost."""
+    point = linearize_at(f16, Query(altitude_ft=20500, mach=0.78))
+    design, hold = point.design, point.authority.hold
+    assert hold is not None
+    values, right = np.linalg.eig(design.A)
+    left = np.linalg.inv(right)[int(np.argmax(values.real))].real
+    discrete = design.discrete(1000)
+
+    def recovers(K: float, side: float) -> bool:
+        x = np.array([side * 1 * DEG, 0.0])
+        start = left @ x
+        stop = -np.sign(start * (left @ design.b)) * 25 * DEG
+        for _ in range(3000):
+            x = discrete.A @ x + discrete.b * (K * stop - design.elevator_trim_rad)
+        return bool((left @ x) * np.sign(start) < abs(start))
+
+    assert [recovers(1.02 * hold, side) for side in (1.0, -1.0)] == [True, True]
+    # The trim deflection is nose-up already: recovering from below trim, nose-up again, is the side that fails.
+    assert [recovers(0.98 * hold, side) for side in (1.0, -1.0)] == [True, False]
