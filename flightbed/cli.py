@@ -6,11 +6,11 @@ import json as json_module
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeVar
 
 from cyclopts import App, CycloptsError, Parameter
 from rich.console import Console
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from flightbed.survey import Point, Query
 
 INTERRUPTED = 130
+Found = TypeVar("Found")
 
 app = App(
     name="flightbed",
@@ -166,16 +167,12 @@ def trim(
     plane, queries = _asked(aircraft, condition or ConditionOptions())
     documents: list[dict[str, Any]] = []
     rows: list[dict[str, Any]] = []
-    for query in queries:
-        try:
-            airframe, point = survey.trim_at(plane, query)
-        except NoTrimError as error:
-            if len(queries) == 1:
-                raise
-            documents.append({"condition": str(query), "no_trim": str(error)})
-            rows.append({**_given(query), "no_trim": str(error)})
+    for query, found in _each(queries, lambda query: survey.trim_at(plane, query)):
+        if isinstance(found, NoTrimError):
+            documents.append({"condition": str(query), "no_trim": str(found)})
+            rows.append({**_given(query), "no_trim": str(found)})
         else:
-            documents.append(survey.trim_document(plane, query, airframe, point))
+            documents.append(survey.trim_document(plane, query, *found))
             rows.append({**_given(query), **documents[-1]["trim"], "no_trim": ""})
     if format == "table":
         text = "".join(
@@ -221,14 +218,10 @@ def linearize(
     points: list[Point] = []
     documents: list[dict[str, Any]] = []
     rows: list[dict[str, Any]] = []
-    for query in queries:
-        try:
-            point = survey.linearize_at(plane, query)
-        except NoTrimError as error:
-            if len(queries) == 1:
-                raise
-            documents.append({"condition": str(query), "no_trim": str(error)})
-            rows.append({**_given(query), "no_trim": str(error)})
+    for query, point in _each(queries, lambda query: survey.linearize_at(plane, query)):
+        if isinstance(point, NoTrimError):
+            documents.append({"condition": str(query), "no_trim": str(point)})
+            rows.append({**_given(query), "no_trim": str(point)})
         else:
             points.append(point)
             documents.append(survey.document(plane, point, control_hz=control_hz, validated=validate))
@@ -263,6 +256,17 @@ def _asked(aircraft: str, condition: ConditionOptions) -> tuple[Aircraft, list[Q
         effectiveness=condition.effectiveness,
     )
     return load_aircraft(aircraft), list(queries)
+
+
+def _each(queries: list[Query], work: Callable[[Query], Found]) -> Iterator[tuple[Query, Found | NoTrimError]]:
+    """Work through the conditions; one that cannot be trimmed is an answer in a sweep, an error when it is alone."""
+    for query in queries:
+        try:
+            yield query, work(query)
+        except NoTrimError as error:
+            if len(queries) == 1:
+                raise
+            yield query, error
 
 
 def _given(query: Query) -> dict[str, float]:
