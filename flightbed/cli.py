@@ -150,7 +150,7 @@ def trim(
     /,
     *,
     condition: ConditionOptions | None = None,
-    format: Literal["table", "json", "csv"] = "table",  # noqa: A002
+    format_: Annotated[Literal["table", "json", "csv"], Parameter(name="--format")] = "table",
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
     """Find level or climbing flight: angle of attack, elevator, throttle.
@@ -158,7 +158,7 @@ def trim(
     Args:
         aircraft: A name under aircraft/, or the path of such a folder.
         condition: Where.
-        format: table for people; json or csv for programs.
+        format_: table for people; json or csv for programs.
         output: Write to this file instead of stdout.
 
     """
@@ -174,12 +174,12 @@ def trim(
         else:
             documents.append(survey.trim_document(plane, query, *found))
             rows.append({**_given(query), **documents[-1]["trim"], "no_trim": ""})
-    if format == "table":
+    if format_ == "table":
         text = "".join(
             "\n".join(model_files.trim_lines(d)) + "\n" if "trim" in d else f"{d['no_trim']}\n" for d in documents
         )
     else:
-        text = model_files.json_text(documents) if format == "json" else model_files.csv_text(rows)
+        text = model_files.json_text(documents) if format_ == "json" else model_files.csv_text(rows)
     _deliver(text.encode(), output)
 
 
@@ -189,9 +189,9 @@ def linearize(
     /,
     *,
     condition: ConditionOptions | None = None,
-    format: Literal["table", "json", "csv", "npz", "mat"] = "table",  # noqa: A002
+    format_: Annotated[Literal["table", "json", "csv", "npz", "mat"], Parameter(name="--format")] = "table",
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    control_hz: float = 100.0,
+    control_hz: float | None = None,
     validate: Annotated[bool, Parameter(negative="", show_default=False)] = False,
 ) -> None:
     """Trim and linearize the longitudinal motion: matrices, modes, short period, discrete model.
@@ -199,22 +199,28 @@ def linearize(
     Args:
         aircraft: A name under aircraft/, or the path of such a folder.
         condition: Where.
-        format: table for people; json, csv (a line a condition), npz or mat (one condition) for tools.
+        format_: table for people; json, csv (a line a condition), npz or mat (one condition) for tools.
         output: Write to this file instead of stdout; needed for npz and mat.
-        control_hz: Rate of the discrete model.
-        validate: Fly a small elevator doublet through the aircraft too, at 200 and 400 Hz, and tell how far the model is.
+        control_hz: Rate of the discrete model in json, npz and mat; 100 if not given.
+        validate: Fly a small elevator doublet through the aircraft too, at 200 and 400 Hz, and tell how far the model is;
+            in json, and in the table of one condition.
 
     """
     from flightbed import model_files, survey
 
     plane, queries = _asked(aircraft, condition or ConditionOptions())
+    if validate and (format_ not in ("table", "json") or (format_ == "table" and len(queries) > 1)):
+        raise InputError("--validate: is told in json, and in the table of one condition")
+    if control_hz is not None and format_ in ("table", "csv"):
+        raise InputError(f"--control-hz: there is no discrete model in --format {format_}; use json, npz or mat")
+    control_hz = 100.0 if control_hz is None else control_hz
     if not control_hz > 0.0:
         raise InputError(f"--control-hz: must be above 0 (got {control_hz:g})")
-    if format in ("npz", "mat"):
+    if format_ in ("npz", "mat"):
         if len(queries) > 1:
-            raise InputError(f"--format {format}: holds one condition ({len(queries)} are asked for); use json or csv")
+            raise InputError(f"--format {format_}: holds one condition ({len(queries)} are asked for); use json or csv")
         if output is None:
-            raise InputError(f"--format {format}: is binary; name a file with -o")
+            raise InputError(f"--format {format_}: is binary; name a file with -o")
     points: list[Point] = []
     documents: list[dict[str, Any]] = []
     rows: list[dict[str, Any]] = []
@@ -226,11 +232,11 @@ def linearize(
             points.append(point)
             documents.append(survey.document(plane, point, control_hz=control_hz, validated=validate))
             rows.append(survey.row(point))
-    if format in ("npz", "mat"):
-        content = model_files.binary(model_files.arrays(points[0], documents[0]), format)
-    elif format == "json":
+    if format_ in ("npz", "mat"):
+        content = model_files.binary(model_files.arrays(points[0], documents[0]), format_)
+    elif format_ == "json":
         content = model_files.json_text(documents).encode()
-    elif format == "csv":
+    elif format_ == "csv":
         content = model_files.csv_text(rows).encode()
     elif len(queries) == 1:
         content = model_files.model_table(points[0], documents[0]).encode()
@@ -247,10 +253,14 @@ def _asked(aircraft: str, condition: ConditionOptions) -> tuple[Aircraft, list[Q
     if len(given) != 1:
         raise InputError("give exactly one of --mach, --tas-fps and --cas-kt")
     name, text = given[0]
+    altitudes = survey.axis(condition.altitude_ft, "--altitude-ft")
+    speeds = survey.axis(text, f"--{name.replace('_', '-')}")
+    if len(altitudes) * len(speeds) > survey.MOST:
+        raise InputError(f"a sweep has at most {survey.MOST} conditions ({len(altitudes) * len(speeds)} are asked for)")
     queries = survey.queries(
-        survey.axis(condition.altitude_ft, "--altitude-ft"),
+        altitudes,
         name,
-        survey.axis(text, f"--{name.replace('_', '-')}"),
+        speeds,
         gamma_deg=condition.gamma_deg,
         cg_shift_cbar=condition.cg_shift_cbar,
         effectiveness=condition.effectiveness,

@@ -20,7 +20,7 @@ from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT, KT
 from flightbed.validate import validate
 
-_MOST = 100_000  # values of one axis
+MOST = 100_000  # conditions of one sweep
 _SPEEDS = {"mach": ("mach", 1.0), "tas_fps": ("tas_m_s", FT), "cas_kt": ("cas_m_s", KT)}
 
 
@@ -77,7 +77,7 @@ def axis(text: str, option: str) -> tuple[float, ...]:
             return tuple(parts)
         if len(parts) == 3 and parts[2] != 0.0:
             count = int(np.floor((parts[1] - parts[0]) / parts[2] + 1e-9)) + 1
-            if 1 <= count <= _MOST:
+            if 1 <= count <= MOST:
                 return tuple(round(parts[0] + i * parts[2], 12) for i in range(count))
     raise InputError(f"{option}: must be a number, a list like 0.6,0.8 or a range like 0.6:0.9:0.1 (got '{text}')")
 

@@ -43,7 +43,7 @@ class TrimPoint:
     elevator_rad: float
     throttle_norm: float
     residual: float
-    altitude_m: float = 0.0
+    altitude_m: float
 
     @property
     def motion(self) -> Motion:

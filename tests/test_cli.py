@@ -12,15 +12,11 @@ from pathlib import Path
 
 import pytest
 
-COMMAND = [sys.executable, "-m", "flightbed"]
-
-
-def _flightbed(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, check=False, cwd=cwd)
+from tests.command_line import COMMAND, assert_one_clear_line, flightbed
 
 
 def test_run_says_what_happened_and_leaves_a_folder(tmp_path: Path) -> None:
-    done = _flightbed("run", "elevator-loss-fixed", cwd=tmp_path)
+    done = flightbed("run", "elevator-loss-fixed", cwd=tmp_path)
     assert done.returncode == 0, done.stderr  # a flight that departs is a result
     assert "departed at" in done.stdout
     assert "written to runs/elevator-loss-fixed" in done.stdout
@@ -38,7 +34,7 @@ def test_a_reader_that_goes_away_is_no_failure(tmp_path: Path) -> None:
 
 
 def test_json_is_alone_on_stdout(tmp_path: Path) -> None:
-    done = _flightbed("run", "nominal", "--set", "duration_s=1", "--rerun", "off", "--json", "--out", "x", cwd=tmp_path)
+    done = flightbed("run", "nominal", "--set", "duration_s=1", "--rerun", "off", "--json", "--out", "x", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     printed = json.loads(done.stdout)
     assert printed.pop("folder") == "x"
@@ -47,11 +43,11 @@ def test_json_is_alone_on_stdout(tmp_path: Path) -> None:
 
 
 def test_list_names_everything_with_a_line_each(tmp_path: Path) -> None:
-    listed = _flightbed("list", cwd=tmp_path).stdout
+    listed = flightbed("list", cwd=tmp_path).stdout
     for name in ("f16", "nominal", "elevator-loss", "elevator-loss-fixed", "straight-and-level", "doublet", "constant", "none",
                  "proportional", "proportional-integral", "effectiveness", "loop-gain"):  # fmt: skip
         assert f"\n  {name} " in listed
-    assert _flightbed("list", "laws", cwd=tmp_path).stdout.splitlines()[0].startswith("proportional ")
+    assert flightbed("list", "laws", cwd=tmp_path).stdout.splitlines()[0].startswith("proportional ")
 
 
 @pytest.mark.parametrize(
@@ -77,13 +73,7 @@ def test_list_names_everything_with_a_line_each(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_errors_are_one_clear_line(tmp_path: Path, arguments: list[str], code: int, message: str) -> None:
-    done = _flightbed(*arguments, cwd=tmp_path)
-    assert done.returncode == code
-    assert message in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert done.stderr.startswith("flightbed: ")
-    assert done.stdout == ""
-    assert list(tmp_path.iterdir()) == []
+    assert_one_clear_line(arguments, code, message, cwd=tmp_path)
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -125,7 +115,7 @@ def test_killed_while_writing_leaves_no_half_run(tmp_path: Path) -> None:
 
 
 def test_view_without_a_display_says_what_to_do(tmp_path: Path) -> None:
-    _flightbed("run", "nominal", "--set", "duration_s=0.2", "--out", "x", cwd=tmp_path)
+    flightbed("run", "nominal", "--set", "duration_s=0.2", "--out", "x", cwd=tmp_path)
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     done = subprocess.run(
         [*COMMAND, "view", "x"], capture_output=True, text=True, check=False, cwd=tmp_path, env=environment
@@ -136,7 +126,7 @@ def test_view_without_a_display_says_what_to_do(tmp_path: Path) -> None:
 
 
 def test_view_reports_a_missing_recording(tmp_path: Path) -> None:
-    _flightbed("run", "nominal", "--set", "duration_s=0.2", "--rerun", "off", "--out", "x", cwd=tmp_path)
-    done = _flightbed("view", "x", cwd=tmp_path)
+    flightbed("run", "nominal", "--set", "duration_s=0.2", "--rerun", "off", "--out", "x", cwd=tmp_path)
+    done = flightbed("view", "x", cwd=tmp_path)
     assert done.returncode == 2
     assert "there is no recording; fly the scenario again with --rerun save" in done.stderr

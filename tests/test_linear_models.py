@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +22,7 @@ from flightbed.tables import breakpoints
 from flightbed.trim import TrimPoint
 from flightbed.units import DEG, FT
 from flightbed.validate import validate
-
-COMMAND = [sys.executable, "-m", "flightbed"]
-
-
-def _flightbed(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, check=False, cwd=cwd)
+from tests.command_line import assert_one_clear_line, flightbed
 
 
 def _names(model: LinearModel) -> list[str]:
@@ -63,7 +56,7 @@ def test_phugoid_is_near_lanchesters(f16: Aircraft) -> None:
 
 
 def _model(A: list[list[float]]) -> LinearModel:
-    trim = TrimPoint(200.0, 0.0, 0.0, 0.0, 0.5, 0.0)
+    trim = TrimPoint(200.0, 0.0, 0.0, 0.0, 0.5, 0.0, 6000.0)
     return LinearModel(STATES, INPUTS, OUTPUTS, np.array(A), np.zeros((5, 2)), np.zeros((8, 5)), np.zeros((8, 2)), trim)
 
 
@@ -194,7 +187,7 @@ SCHEMA: dict[str, Any] = {
 
 
 def test_json_has_the_keys_of_the_contract(tmp_path: Path) -> None:
-    done = _flightbed("linearize", "f16", "--mach", "0.7", "--altitude-ft", "20500", "--format", "json", cwd=tmp_path)
+    done = flightbed("linearize", "f16", "--mach", "0.7", "--altitude-ft", "20500", "--format", "json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     d = json.loads(done.stdout)
     for key, kind in SCHEMA.items():
@@ -213,7 +206,7 @@ def test_json_has_the_keys_of_the_contract(tmp_path: Path) -> None:
 def test_npz_and_mat_hold_named_arrays(f16: Aircraft, tmp_path: Path) -> None:
     model = linearize_at(f16, Query(altitude_ft=20000, mach=0.7)).model
     for kind in ("npz", "mat"):
-        done = _flightbed("linearize", "f16", "--mach", "0.7", "--format", kind, "-o", f"m.{kind}", cwd=tmp_path)
+        done = flightbed("linearize", "f16", "--mach", "0.7", "--format", kind, "-o", f"m.{kind}", cwd=tmp_path)
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     loaded = np.load(tmp_path / "m.npz")
     mat = loadmat(tmp_path / "m.mat")
@@ -228,7 +221,7 @@ def test_npz_and_mat_hold_named_arrays(f16: Aircraft, tmp_path: Path) -> None:
 
 def test_a_sweep_marks_what_cannot_be_trimmed(tmp_path: Path) -> None:
     arguments = ["linearize", "f16", "--mach", "0.3:0.7:0.2", "--altitude-ft", "10500,40000"]
-    done = _flightbed(*arguments, "--format", "csv", cwd=tmp_path)
+    done = flightbed(*arguments, "--format", "csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     rows = list(csv.DictReader(io.StringIO(done.stdout)))
     assert [(float(r["mach"]), float(r["altitude_ft"])) for r in rows] == [
@@ -236,27 +229,27 @@ def test_a_sweep_marks_what_cannot_be_trimmed(tmp_path: Path) -> None:
     ]
     assert [bool(r["no_trim"]) for r in rows] == [False, False, False, True, False, False]
     assert "residual" in rows[3]["no_trim"]
-    documents = json.loads(_flightbed(*arguments, "--format", "json", cwd=tmp_path).stdout)
+    documents = json.loads(flightbed(*arguments, "--format", "json", cwd=tmp_path).stdout)
     assert [("A" in d) for d in documents] == [True, True, True, False, True, True]
-    table = _flightbed(*arguments, cwd=tmp_path).stdout
+    table = flightbed(*arguments, cwd=tmp_path).stdout
     assert "no trim at Mach 0.30, 40000 ft" in table
     assert max(map(len, table.splitlines())) <= 80
 
 
 def test_the_table_fits_80_columns_and_warns_of_kinks(tmp_path: Path) -> None:
-    text = _flightbed("linearize", "f16", "--mach", "0.8", cwd=tmp_path).stdout
+    text = flightbed("linearize", "f16", "--mach", "0.8", cwd=tmp_path).stdout
     assert max(map(len, text.splitlines())) <= 80
     assert "short period, real root" in text
     assert "warning: on a kink" in text
     assert "level" not in text
-    rated = _flightbed("linearize", "f16", "--mach", "0.85", cwd=tmp_path).stdout
+    rated = flightbed("linearize", "f16", "--mach", "0.85", cwd=tmp_path).stdout
     assert "CAP" in rated
     assert "level" in rated
-    assert "K 0.5" in _flightbed("trim", "f16", "--mach", "0.7", "--effectiveness", "0.5", cwd=tmp_path).stdout
+    assert "K 0.5" in flightbed("trim", "f16", "--mach", "0.7", "--effectiveness", "0.5", cwd=tmp_path).stdout
 
 
 def test_trim_command_climbs_and_prints_json(f16: Aircraft, tmp_path: Path) -> None:
-    done = _flightbed("trim", "f16", "--mach", "0.6", "--gamma-deg", "5", "--format", "json", cwd=tmp_path)
+    done = flightbed("trim", "f16", "--mach", "0.6", "--gamma-deg", "5", "--format", "json", cwd=tmp_path)
     printed = json.loads(done.stdout)
     assert printed["trim"]["theta_deg"] - printed["trim"]["alpha_deg"] == pytest.approx(5.0)
     _, point = trim_at(f16, Query(altitude_ft=20000, mach=0.6, gamma_deg=5.0))
@@ -276,18 +269,18 @@ def test_trim_command_climbs_and_prints_json(f16: Aircraft, tmp_path: Path) -> N
         (["linearize", "f16", "--mach", "0.5", "--effectiveness", "0"], 2, "--effectiveness: must be above 0 and at most 1 (got 0)"),
         (["linearize", "f16", "--mach", "0.5", "--format", "mat"], 2, "--format mat: is binary; name a file with -o"),
         (["linearize", "f16", "--mach", "0.5,0.6", "--format", "npz", "-o", "x"], 2, "holds one condition (2 are asked for)"),
+        (["linearize", "f16", "--mach", "0.5", "--validate", "--format", "csv"], 2, "--validate: is told in json"),
+        (["linearize", "f16", "--mach", "0.5,0.6", "--validate"], 2, "--validate: is told in json"),
+        (["linearize", "f16", "--mach", "0.5", "--control-hz", "50"], 2, "--control-hz: there is no discrete model in --format table"),
+        (["linearize", "f16", "--mach", "0.5", "--control-hz", "0", "--format", "json"], 2, "--control-hz: must be above 0 (got 0)"),
+        (["linearize", "f16", "--mach", "0.1:1:0.001", "--altitude-ft", "0:40000:10"], 2, "a sweep has at most 100000 conditions"),
         (["linearize", "f16", "--mach", "0.5", "-o", "no/such/file"], 2, "-o no/such/file: cannot be written"),
         (["linearize", "f16", "--mach", "0.3", "--altitude-ft", "45000"], 3, "no trim at Mach 0.30, 45000 ft"),
         (["trim", "f16", "--mach", "1.5", "--altitude-ft", "0"], 3, "at the limit of throttle max"),
     ],
 )  # fmt: skip
 def test_errors_are_one_clear_line(tmp_path: Path, arguments: list[str], code: int, message: str) -> None:
-    done = _flightbed(*arguments, cwd=tmp_path)
-    assert done.returncode == code
-    assert message in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert done.stdout == ""
-    assert list(tmp_path.iterdir()) == []
+    assert_one_clear_line(arguments, code, message, cwd=tmp_path)
 
 
 def test_axes_include_their_end() -> None:
@@ -319,10 +312,10 @@ def test_the_aircraft_follows_the_linear_model_with_an_error_of_first_order_in_t
 
 def test_validate_is_printed(tmp_path: Path) -> None:
     arguments = ["linearize", "f16", "--mach", "0.72", "--altitude-ft", "20500", "--validate"]
-    text = _flightbed(*arguments, cwd=tmp_path).stdout
+    text = flightbed(*arguments, cwd=tmp_path).stdout
     assert "against the aircraft at 200 Hz: airspeed" in text
     assert max(map(len, text.splitlines())) <= 80
-    printed = json.loads(_flightbed(*arguments, "--format", "json", cwd=tmp_path).stdout)
+    printed = json.loads(flightbed(*arguments, "--format", "json", cwd=tmp_path).stdout)
     assert [v["plant_hz"] for v in printed["validation"]] == [200, 400]
 
 
