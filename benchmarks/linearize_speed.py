@@ -2,7 +2,7 @@
 
     python benchmarks/linearize_speed.py [--rounds 7]
 
-FGLinearization gives twelve states and four inputs; flightbed's longitudinal model has five and two, the short period two
+FGLinearization gives twelve states and four inputs; flightbed's full model has ten and four, the short period two
 and one. They are timed in turn; medians and ranges over the rounds, ratios round by round.
 """
 
@@ -18,8 +18,8 @@ import numpy as np
 
 from flightbed.aircraft import load_aircraft
 from flightbed.linearize import linearize
+from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.plant.jsbsim import JsbsimAirframe
 from flightbed.survey import Query, linearize_at
 from flightbed.trim import trim
 from flightbed.units import DEG
@@ -64,7 +64,7 @@ def main(rounds: int) -> None:
     assert isinstance(point.motion, Motion)
     ways: dict[str, tuple[Callable[[], object], int]] = {
         "FGLinearization": (theirs, 2),
-        "longitudinal model, checked step and kinks": (lambda: linearize(airframe, point), 20),
+        "full model, checked step and kinks": (lambda: linearize(airframe, point), 20),
         "short period alone, central differences": (short_period_alone, 50),
     }
     times: dict[str, list[float]] = {name: [] for name in ways}

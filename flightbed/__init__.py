@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flightbed.errors import FlightbedError
     from flightbed.metrics import Metrics
     from flightbed.mission import Result, fly, run
-    from flightbed.plant.jsbsim import JsbsimAirframe
+    from flightbed.plant.airframe import JsbsimAirframe
     from flightbed.scenario import Scenario, load_scenario
     from flightbed.signals import Estimate, Measurement, Sample, Truth
     from flightbed.trace import Trace, read_trace
@@ -31,7 +31,7 @@ __all__ = [
 
 _LATER = {
     "Aircraft": "aircraft", "load_aircraft": "aircraft", "FlightbedError": "errors", "Metrics": "metrics",
-    "Result": "mission", "fly": "mission", "run": "mission", "JsbsimAirframe": "plant.jsbsim", "Scenario": "scenario",
+    "Result": "mission", "fly": "mission", "run": "mission", "JsbsimAirframe": "plant.airframe", "Scenario": "scenario",
     "load_scenario": "scenario", "Estimate": "signals", "Measurement": "signals", "Sample": "signals", "Truth": "signals",
     "Trace": "trace", "read_trace": "trace",
 }  # fmt: skip

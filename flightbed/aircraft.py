@@ -17,6 +17,7 @@ from string import Template
 from typing import Any
 
 from flightbed import data
+from flightbed.edits import EDITS, EditError, filled
 from flightbed.errors import AircraftError, did_you_mean
 from flightbed.units import DEG
 
@@ -56,6 +57,7 @@ class Aircraft:
         stock_sha256: hash that the stock model must have.
         actuator: the elevator's actuator.
         limits: bounds for trim.
+        lateral: stops of aileron and rudder, rad, for an overlay that takes their positions directly; else empty.
         properties: harness name -> JSBSim property.
         edits: the edits, in order.
         snippets: file name -> text with ``$names`` filled in.
@@ -68,6 +70,7 @@ class Aircraft:
     stock_sha256: str
     actuator: Actuator
     limits: Limits
+    lateral: Mapping[str, tuple[float, float]]
     properties: Mapping[str, str]
     edits: tuple[Mapping[str, Any], ...]
     snippets: Mapping[str, str]
@@ -87,8 +90,8 @@ class Aircraft:
         root.set("name", f"{root.get('name', self.name)} (flightbed overlay)")
         for number, edit in enumerate(self.edits):
             try:
-                _EDITS[edit["do"]](root, edit, self.snippets)
-            except (KeyError, ET.ParseError, _EditError) as error:
+                EDITS[edit["do"]](root, edit, self.snippets)
+            except (KeyError, ET.ParseError, EditError) as error:
                 reason = f"needs {error}" if isinstance(error, KeyError) else str(error)
                 raise AircraftError(f"aircraft {self.name}: edits.{number} ({edit.get('do')}): {reason}") from None
         return ET.tostring(root, encoding="unicode").encode()
@@ -118,6 +121,7 @@ class Aircraft:
                 self.stock_sha256,
                 self.actuator,
                 self.limits,
+                sorted(self.lateral.items()),
                 sorted(self.properties.items()),
                 [sorted(e.items()) for e in self.edits],
                 sorted(self.snippets.items()),
@@ -140,7 +144,7 @@ def load_aircraft(name: str) -> Aircraft:
         numbers = {key: float(value) for key, value in elevator.items()}
         numbers |= {key.replace("_deg", "_rad"): value * DEG for key, value in numbers.items() if "_deg" in key}
         fill = {key: repr(value) for key, value in numbers.items()}
-        edits = tuple(_filled(edit, fill) for edit in raw["edits"])
+        edits = tuple(filled(edit, fill) for edit in raw["edits"])
         snippets = {
             edit["with"]: Template((folder / Path(edit["with"]).name).read_text(encoding="utf-8")).substitute(fill)
             for edit in edits
@@ -154,6 +158,9 @@ def load_aircraft(name: str) -> Aircraft:
             stock_sha256=raw["stock"]["sha256"],
             actuator=Actuator(*(numbers[k] for k in ("lag_rad_s", "rate_limit_rad_s", "min_rad", "max_rad"))),
             limits=Limits((alpha[0] * DEG, alpha[1] * DEG), (throttle[0], throttle[1])),
+            lateral={
+                name: (raw[name]["min_deg"] * DEG, raw[name]["max_deg"] * DEG) for name in _LATERAL if name in raw
+            },
             properties=raw["properties"],
             edits=edits,
             snippets=snippets,
@@ -173,6 +180,9 @@ _KEYS = {
     "limits": {"alpha_deg", "throttle_norm"},
     "properties": {"elevator_cmd_rad", "elevator_rad", "effectiveness", "throttle_norm"},
 }
+# An overlay may leave these out: then aileron and rudder are commands to the stock control laws.
+_LATERAL = ("aileron", "rudder")
+_LATERAL_PROPERTIES = {"aileron_cmd_rad", "rudder_cmd_rad", "lateral_direct"}
 
 
 def _check(raw: Mapping[str, Any], path: Path) -> None:
@@ -180,16 +190,23 @@ def _check(raw: Mapping[str, Any], path: Path) -> None:
     for table, known in _KEYS.items():
         found = raw if not table else raw.get(table, {})
         dot = f"{table}." if table else ""
-        for key in sorted(set(found) - known):
+        more = set(_LATERAL) if not table else _LATERAL_PROPERTIES if table == "properties" else set()
+        for key in sorted(set(found) - known - more):
             raise AircraftError(f"{path}: unknown key {dot}{key}{did_you_mean(key, known)}")
         for key in sorted(known - set(found)):
             raise AircraftError(f"{path}: {dot}{key} is missing")
     elevator, limits = raw["elevator"], raw["limits"]
+    given = [n in raw for n in _LATERAL] + [n in raw["properties"] for n in sorted(_LATERAL_PROPERTIES)]
+    if any(given) and not all(given):
+        raise AircraftError(
+            f"{path}: [aileron], [rudder] and properties {', '.join(sorted(_LATERAL_PROPERTIES))} go together: give all or none"
+        )
     for key in ("lag_rad_s", "rate_limit_deg_s"):
         if not elevator[key] > 0:
             raise AircraftError(f"{path}: elevator.{key}: must be above 0 (got {elevator[key]})")
     for place, (low, high) in {
         "elevator.min_deg, max_deg": (elevator["min_deg"], elevator["max_deg"]),
+        **{f"{n}.min_deg, max_deg": (raw[n]["min_deg"], raw[n]["max_deg"]) for n in _LATERAL if n in raw},
         "limits.alpha_deg": limits["alpha_deg"],
         "limits.throttle_norm": limits["throttle_norm"],
     }.items():
@@ -201,99 +218,3 @@ def load_path(name: str) -> str:
     """Return what names an aircraft from any directory: a shipped name as it is, a folder by its absolute path."""
     folder = data.find("aircraft", name)
     return name if folder.parent == data.shipped("aircraft") else str(folder.resolve())
-
-
-class _EditError(Exception):
-    pass
-
-
-def _filled(edit: Mapping[str, Any], fill: Mapping[str, str]) -> dict[str, Any]:
-    return {key: Template(value).substitute(fill) if isinstance(value, str) else value for key, value in edit.items()}
-
-
-def _section(root: ET.Element, tag: str) -> ET.Element:
-    section = root.find(tag)
-    if section is None:
-        raise _EditError(f"the stock model has no <{tag}>")
-    return section
-
-
-def _declare(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
-    element = ET.Element("property", value=str(edit["value"]))
-    element.text = edit["property"]
-    _section(root, "flight_control").insert(0, element)
-
-
-def _channel(root: ET.Element, name: str) -> tuple[ET.Element, int]:
-    control = _section(root, "flight_control")
-    places = [i for i, c in enumerate(control) if c.tag == "channel" and c.get("name") == name]
-    if len(places) != 1:
-        raise _EditError(f"expected one channel {name}, found {len(places)}")
-    return control, places[0]
-
-
-def _replace_channel(root: ET.Element, edit: Mapping[str, Any], snippets: Mapping[str, str]) -> None:
-    control, place = _channel(root, edit["channel"])
-    control[place] = ET.fromstring(snippets[edit["with"]])  # in place: channels run in file order
-
-
-def _insert_channel(root: ET.Element, edit: Mapping[str, Any], snippets: Mapping[str, str]) -> None:
-    control, place = _channel(root, edit["before"])
-    control.insert(place, ET.fromstring(snippets[edit["with"]]))
-
-
-def _rewire_channel(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
-    control, place = _channel(root, edit["channel"])
-    hits = [
-        e for e in control[place].iter() if (e.text or "").strip() == edit["from"] or e.get("value") == edit["from"]
-    ]
-    if len(hits) != edit["count"]:
-        raise _EditError(
-            f"expected {edit['from']} {edit['count']} times in channel {edit['channel']}, found {len(hits)}"
-        )
-    for element in hits:
-        if element.get("value") == edit["from"]:
-            element.set("value", edit["to"])
-        else:
-            element.text = edit["to"]
-
-
-def _rewire(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
-    rewired = []
-    for function in _section(root, "aerodynamics").iter("function"):
-        for element in function.iter():
-            if (element.text or "").strip() == edit["from"]:
-                element.text = edit["to"]
-                rewired.append(function.get("name"))
-    if sorted(rewired, key=str) != sorted(edit["functions"]):
-        raise _EditError(f"expected {edit['from']} in {edit['functions']}, found it in {rewired}")
-
-
-def _remove_functions(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
-    wanted = set(edit["functions"])
-    for axis in _section(root, "aerodynamics").iter("axis"):
-        for function in [f for f in axis.findall("function") if f.get("name") in wanted]:
-            axis.remove(function)
-            wanted.discard(str(function.get("name")))
-    if wanted:
-        raise _EditError(f"no function {', '.join(sorted(wanted))}")
-
-
-def _remove_systems(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
-    wanted = set(edit["systems"])
-    for system in [s for s in root.findall("system") if s.get("file") in wanted]:
-        root.remove(system)
-        wanted.discard(str(system.get("file")))
-    if wanted:
-        raise _EditError(f"no system {', '.join(sorted(wanted))}")
-
-
-_EDITS = {
-    "declare": _declare,
-    "replace-channel": _replace_channel,
-    "insert-channel": _insert_channel,
-    "rewire-channel": _rewire_channel,
-    "rewire": _rewire,
-    "remove-functions": _remove_functions,
-    "remove-systems": _remove_systems,
-}

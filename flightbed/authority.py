@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flightbed.aircraft import Actuator
 from flightbed.short_period import ShortPeriod
 from flightbed.units import DEG
 
@@ -29,7 +28,7 @@ class Authority:
 
 
 def authority(
-    design: ShortPeriod, actuator: Actuator, *, effectiveness: float = 1.0, alpha_rad: float = 1.0 * DEG
+    design: ShortPeriod, stops: tuple[float, float], *, effectiveness: float = 1.0, alpha_rad: float = 1.0 * DEG
 ) -> Authority:
     """Compute both for the design model of a trim point.
 
@@ -42,13 +41,13 @@ def authority(
 
     Args:
         design: short period and trim, at the effectiveness they were taken at.
-        actuator: the stops.
+        stops: of the elevator, in the unit of the model's input.
         effectiveness: that effectiveness.
         alpha_rad: deviation to recover from.
 
     """
     acting = effectiveness * design.elevator_trim_rad
-    trim = acting / (actuator.max_rad if acting > 0.0 else actuator.min_rad)
+    trim = acting / (stops[1] if acting > 0.0 else stops[0])
     values, right = np.linalg.eig(design.A)
     i = int(np.argmax(values.real))
     if values[i].real <= 0.0 or values[i].imag != 0.0:
@@ -57,4 +56,4 @@ def authority(
     push = left @ design.b / effectiveness  # of a unit of effective deflection
     needed = float(values[i].real * abs(left[0]) * alpha_rad / abs(push))
     # Effective deflection d + needed one way, d - needed the other: K times the stop must reach either.
-    return Authority(trim, max((acting + needed) / actuator.max_rad, (acting - needed) / actuator.min_rad), alpha_rad)
+    return Authority(trim, max((acting + needed) / stops[1], (acting - needed) / stops[0]), alpha_rad)

@@ -6,26 +6,23 @@ import json as json_module
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from flightbed.errors import FlightbedError, InputError, NoTrimError, OutputError
+from flightbed.errors import FlightbedError, OutputError
 
 if TYPE_CHECKING:
-    from flightbed.aircraft import Aircraft
     from flightbed.mission import Result
-    from flightbed.survey import Point, Query
 
 INTERRUPTED = 130
-Found = TypeVar("Found")
 
 app = App(
     name="flightbed",
@@ -138,10 +135,16 @@ class ConditionOptions:
     "Geometric altitude, ft."
     gamma_deg: float = 0.0
     "Flight-path angle, deg."
+    load_factor: float | None = None
+    "Of a pull-up with wings level, g."
+    bank_deg: float = 0.0
+    "Of a steady turn, right positive, deg."
     cg_shift_cbar: float = 0.0
     "C.g. shift in mean chords, aft positive."
     effectiveness: float = 1.0
-    "Share K of the elevator's deflection that acts."
+    "Share K of the elevator's deflection that acts; overlay aircraft only."
+    engine: Literal["steady", "frozen"] = "steady"
+    "Spool, propeller speed and manifold pressure: at the steady state of every motion, or held as trimmed (then no throttle)."
 
 
 @app.command
@@ -150,37 +153,23 @@ def trim(
     /,
     *,
     condition: ConditionOptions | None = None,
-    format_: Annotated[Literal["table", "json", "csv"], Parameter(name="--format")] = "table",
+    format_: Annotated[Literal["table", "json", "csv", "parquet"], Parameter(name="--format")] = "table",
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
-    """Find level or climbing flight: angle of attack, elevator, throttle.
+    """Find steady flight (level, climbing, pulling up, turning): angle of attack and controls.
 
     Args:
-        aircraft: A name under aircraft/, or the path of such a folder.
+        aircraft: A name under aircraft/, the path of such a folder, or an aircraft that ships with JSBSim (jsbsim:NAME where an
+            overlay has that name).
         condition: Where.
-        format_: table for people; json or csv for programs.
-        output: Write to this file instead of stdout.
+        format_: table for people; json, csv or parquet for programs.
+        output: Write to this file instead of stdout; needed for parquet.
 
     """
-    from flightbed import model_files, survey
+    from flightbed import sweep
 
-    plane, queries = _asked(aircraft, condition or ConditionOptions())
-    documents: list[dict[str, Any]] = []
-    rows: list[dict[str, Any]] = []
-    for query, found in _each(queries, lambda query: survey.trim_at(plane, query)):
-        if isinstance(found, NoTrimError):
-            documents.append({"condition": str(query), "no_trim": str(found)})
-            rows.append({**_given(query), "no_trim": str(found)})
-        else:
-            documents.append(survey.trim_document(plane, query, *found))
-            rows.append({**_given(query), **documents[-1]["trim"], "no_trim": ""})
-    if format_ == "table":
-        text = "".join(
-            "\n".join(model_files.trim_lines(d)) + "\n" if "trim" in d else f"{d['no_trim']}\n" for d in documents
-        )
-    else:
-        text = model_files.json_text(documents) if format_ == "json" else model_files.csv_text(rows)
-    _deliver(text.encode(), output)
+    plane, queries = sweep.asked(aircraft, condition or ConditionOptions())
+    _deliver(sweep.trim_all(plane, queries, format_, output), output)
 
 
 @app.command
@@ -189,99 +178,35 @@ def linearize(
     /,
     *,
     condition: ConditionOptions | None = None,
-    format_: Annotated[Literal["table", "json", "csv", "npz", "mat"], Parameter(name="--format")] = "table",
+    format_: Annotated[Literal["table", "json", "csv", "parquet", "npz", "mat"], Parameter(name="--format")] = "table",
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    part: Literal["full", "longitudinal", "lateral", "short-period"] = "full",
+    actuator: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     control_hz: float | None = None,
     validate: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    picture: Path | None = None,
 ) -> None:
-    """Trim and linearize the longitudinal motion: matrices, modes, short period, discrete model.
+    """Trim and linearize the rigid-body motion: matrices, modes, short period, discrete model.
 
     Args:
-        aircraft: A name under aircraft/, or the path of such a folder.
+        aircraft: A name under aircraft/, the path of such a folder, or an aircraft that ships with JSBSim (jsbsim:NAME where an
+            overlay has that name).
         condition: Where.
-        format_: table for people; json, csv (a line a condition), npz or mat (one condition) for tools.
-        output: Write to this file instead of stdout; needed for npz and mat.
+        format_: table for people; json, csv or parquet (a line a condition), npz or mat (one condition) for tools.
+        output: Write to this file instead of stdout; needed for parquet, npz and mat.
+        part: Which states.
+        actuator: Add the elevator's actuator as a state; the input is then its command.
         control_hz: Rate of the discrete model in json, npz and mat; 100 if not given.
-        validate: Fly a small elevator doublet through the aircraft too, at 200 and 400 Hz, and tell how far the model is;
-            in json, and in the table of one condition.
+        validate: Fly small doublets through the aircraft too, at 200 and 400 Hz, and tell how far the model is; in json, and in
+            the table of one condition.
+        picture: Draw the stability map of a sweep to this png, svg or pdf.
 
     """
-    from flightbed import model_files, survey
+    from flightbed import sweep
 
-    plane, queries = _asked(aircraft, condition or ConditionOptions())
-    if validate and (format_ not in ("table", "json") or (format_ == "table" and len(queries) > 1)):
-        raise InputError("--validate: is told in json, and in the table of one condition")
-    if control_hz is not None and format_ in ("table", "csv"):
-        raise InputError(f"--control-hz: there is no discrete model in --format {format_}; use json, npz or mat")
-    control_hz = 100.0 if control_hz is None else control_hz
-    if not control_hz > 0.0:
-        raise InputError(f"--control-hz: must be above 0 (got {control_hz:g})")
-    if format_ in ("npz", "mat"):
-        if len(queries) > 1:
-            raise InputError(f"--format {format_}: holds one condition ({len(queries)} are asked for); use json or csv")
-        if output is None:
-            raise InputError(f"--format {format_}: is binary; name a file with -o")
-    points: list[Point] = []
-    documents: list[dict[str, Any]] = []
-    rows: list[dict[str, Any]] = []
-    for query, point in _each(queries, lambda query: survey.linearize_at(plane, query)):
-        if isinstance(point, NoTrimError):
-            documents.append({"condition": str(query), "no_trim": str(point)})
-            rows.append({**_given(query), "no_trim": str(point)})
-        else:
-            points.append(point)
-            documents.append(survey.document(plane, point, control_hz=control_hz, validated=validate))
-            rows.append(survey.row(point))
-    if format_ in ("npz", "mat"):
-        content = model_files.binary(model_files.arrays(points[0], documents[0]), format_)
-    elif format_ == "json":
-        content = model_files.json_text(documents).encode()
-    elif format_ == "csv":
-        content = model_files.csv_text(rows).encode()
-    elif len(queries) == 1:
-        content = model_files.model_table(points[0], documents[0]).encode()
-    else:
-        content = model_files.sweep_table(rows).encode()
-    _deliver(content, output)
-
-
-def _asked(aircraft: str, condition: ConditionOptions) -> tuple[Aircraft, list[Query]]:
-    from flightbed import survey
-    from flightbed.aircraft import load_aircraft
-
-    given = [(name, text) for name in ("mach", "tas_fps", "cas_kt") if (text := getattr(condition, name)) is not None]
-    if len(given) != 1:
-        raise InputError("give exactly one of --mach, --tas-fps and --cas-kt")
-    name, text = given[0]
-    altitudes = survey.axis(condition.altitude_ft, "--altitude-ft")
-    speeds = survey.axis(text, f"--{name.replace('_', '-')}")
-    if len(altitudes) * len(speeds) > survey.MOST:
-        raise InputError(f"a sweep has at most {survey.MOST} conditions ({len(altitudes) * len(speeds)} are asked for)")
-    queries = survey.queries(
-        altitudes,
-        name,
-        speeds,
-        gamma_deg=condition.gamma_deg,
-        cg_shift_cbar=condition.cg_shift_cbar,
-        effectiveness=condition.effectiveness,
-    )
-    return load_aircraft(aircraft), list(queries)
-
-
-def _each(queries: list[Query], work: Callable[[Query], Found]) -> Iterator[tuple[Query, Found | NoTrimError]]:
-    """Work through the conditions; one that cannot be trimmed is an answer in a sweep, an error when it is alone."""
-    for query in queries:
-        try:
-            yield query, work(query)
-        except NoTrimError as error:
-            if len(queries) == 1:
-                raise
-            yield query, error
-
-
-def _given(query: Query) -> dict[str, float]:
-    name, value = query.speed
-    return {name: value, "altitude_ft": query.altitude_ft}
+    plane, queries = sweep.asked(aircraft, condition or ConditionOptions())
+    shape = sweep.Shape(part, actuator, control_hz, validate)
+    _deliver(sweep.linearize_all(plane, queries, format_, output, shape, picture), output)
 
 
 def _deliver(content: bytes, output: Path | None) -> None:

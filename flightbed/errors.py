@@ -74,6 +74,8 @@ class NoTrimError(NotComputableError):
         nearest: name -> value of the unknowns at the nearest point found (SI, radians).
         residual: equation -> residual there (g, g, rad/s^2).
         binding: names of the limits that bind there.
+        feasible: nearest conditions that can be trimmed, found by moving one of speed, altitude, load factor or bank, in words
+            and numbers: name -> value; empty when none was looked for, or found.
 
     """
 
@@ -83,6 +85,7 @@ class NoTrimError(NotComputableError):
         self.nearest = nearest
         self.residual = residual
         self.binding = tuple(binding)
+        self.feasible: dict[str, float] = {}
         super().__init__(message)
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import asin
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +13,7 @@ import numpy.typing as npt
 
 from flightbed.plant.base import Airframe, Controls, Motion
 from flightbed.trim import TrimPoint
-from flightbed.units import DEG
+from flightbed.units import DEG, FT
 
 if TYPE_CHECKING:
     import control
@@ -19,16 +21,28 @@ if TYPE_CHECKING:
 Matrix = npt.NDArray[np.float64]
 Names = tuple[tuple[str, str], ...]
 
-STATES: Names = (("airspeed", "m/s"), ("alpha", "rad"), ("theta", "rad"), ("q", "rad/s"), ("altitude", "m"))
-INPUTS: Names = (("elevator", "rad"), ("throttle", "1"))
-OUTPUTS: Names = (*STATES, ("nz", "g"), ("nz_pilot", "g"), ("gamma", "rad"))
+LONGITUDINAL: Names = (("airspeed", "m/s"), ("alpha", "rad"), ("theta", "rad"), ("q", "rad/s"), ("altitude", "m"))
+LATERAL: Names = (("beta", "rad"), ("phi", "rad"), ("p", "rad/s"), ("r", "rad/s"), ("psi", "rad"))
+STATES: Names = LONGITUDINAL + LATERAL
+LOADS: Names = (("nz", "g"), ("nz_pilot", "g"), ("ny", "g"), ("gamma", "rad"))
+
+# Part -> states, inputs and outputs beside the states.
+PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
+    "longitudinal": (tuple(n for n, _ in LONGITUDINAL), ("elevator", "throttle"), ("nz", "nz_pilot", "gamma")),
+    "lateral": (tuple(n for n, _ in LATERAL), ("aileron", "rudder"), ("ny",)),
+    "short-period": (("alpha", "q"), ("elevator",), ("nz", "nz_pilot")),
+}
 
 # Steps of the differences. Small, because tables and switches have kinks: 1e-3 deg keeps the truncation error below 1e-7
 # and a kink outside the stencil at almost every trim point.
-_STEPS = np.array([1e-2, 1e-3 * DEG, 1e-3 * DEG, 1e-4, 1.0, 1e-3 * DEG, 1e-4])
+_ANGLE = 1e-3 * DEG
+_STEPS = np.array([1e-2, _ANGLE, _ANGLE, 1e-4, 1.0, _ANGLE, _ANGLE, 1e-4, 1e-4, _ANGLE])
 # Two one-sided slopes that differ by more than this share of the largest entry of their row: a kink, not curvature.
 _KINK = 1e-3
-_BREAKPOINT_RANGE = {"mach": 1e-4, "alpha": 2e-3 * DEG, "elevator": 2e-3 * DEG}
+_NEAR = {"mach": 1e-4, "alpha": 2e-3 * DEG, "beta": 2e-3 * DEG, "elevator": 2e-3 * DEG, "altitude": 2.0}
+_MOVES: Mapping[str, Sequence[str]] = {
+    "airspeed": ("mach",), "altitude": ("mach", "altitude"), "alpha": ("alpha",), "beta": ("beta",), "elevator": ("elevator",),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -67,6 +81,8 @@ class LinearModel:
         trim: the point it was taken at.
         step_error: largest change of an entry when the step is halved, relative to the largest of its row.
         kinks: derivatives that are averages across a kink.
+        drift: how far the equations of motion themselves moved while differences were taken (integrators of a stock control
+            system), relative to the largest change of each row in them; 0 for an overlay aircraft.
 
     """
 
@@ -80,16 +96,58 @@ class LinearModel:
     trim: TrimPoint
     step_error: float = 0.0
     kinks: tuple[Kink, ...] = ()
+    drift: float = 0.0
 
     def eigenvalues(self) -> npt.NDArray[np.complex128]:
         """Return the eigenvalues of A, rad/s."""
         return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
 
-    def part(self, states: tuple[str, ...], inputs: tuple[str, ...]) -> tuple[Matrix, Matrix]:
+    def part(self, states: Sequence[str], inputs: Sequence[str]) -> tuple[Matrix, Matrix]:
         """Return the rows and columns of (A, B) that belong to the named states and inputs."""
-        rows = [[name for name, _ in self.states].index(s) for s in states]
-        columns = [[name for name, _ in self.inputs].index(i) for i in inputs]
+        rows, columns = _places(self.states, states), _places(self.inputs, inputs)
         return self.A[np.ix_(rows, rows)], self.B[np.ix_(rows, columns)]
+
+    def subset(self, name: str) -> LinearModel:
+        """Return the ``"longitudinal"``, ``"lateral"`` or ``"short-period"`` model, the other states held at trim; else KeyError."""
+        states, inputs, loads = PARTS[name]
+        inputs = tuple(i for i in inputs if i in dict(self.inputs))
+        x, u = _places(self.states, states), _places(self.inputs, inputs)
+        y = _places(self.outputs, (*states, *loads))
+        rows = {*(f"{s}'" for s in states), *states, *loads}
+        return dataclasses.replace(
+            self,
+            states=tuple(self.states[i] for i in x),
+            inputs=tuple(self.inputs[i] for i in u),
+            outputs=tuple(self.outputs[i] for i in y),
+            A=self.A[np.ix_(x, x)],
+            B=self.B[np.ix_(x, u)],
+            C=self.C[np.ix_(y, x)],
+            D=self.D[np.ix_(y, u)],
+            kinks=tuple(k for k in self.kinks if k.row in rows and k.column in (*states, *inputs)),
+        )
+
+    def with_actuator(self, name: str, lag_rad_s: float) -> LinearModel:
+        """Return the model with a first-order actuator on an input: the position becomes the last state, the input a command."""
+        i, n = _places(self.inputs, (name,))[0], len(self.states)
+        A = np.block([[self.A, self.B[:, i : i + 1]], [np.zeros((1, n)), np.array([[-lag_rad_s]])]])
+        B = np.vstack([self.B, np.zeros((1, self.B.shape[1]))])
+        B[:, i] = 0.0
+        B[n, i] = lag_rad_s
+        D = self.D.copy()
+        D[:, i] = 0.0
+        unit = self.inputs[i][1]
+        position = np.zeros((1, n + 1))
+        position[0, n] = 1.0
+        return dataclasses.replace(
+            self,
+            states=(*self.states, (f"{name}_position", unit)),
+            inputs=tuple((f"{name}_cmd", u) if j == i else (m, u) for j, (m, u) in enumerate(self.inputs)),
+            outputs=(*self.outputs, (f"{name}_position", unit)),
+            A=A,
+            B=B,
+            C=np.vstack([np.hstack([self.C, self.D[:, i : i + 1]]), position]),
+            D=np.vstack([D, np.zeros((1, D.shape[1]))]),
+        )
 
     def to_control(self) -> control.StateSpace:
         """Return a python-control StateSpace with signal names."""
@@ -103,73 +161,88 @@ class LinearModel:
         return control.ss(self.A, self.B, self.C, self.D, **names)
 
 
+def _places(names: Names, wanted: Sequence[str]) -> list[int]:
+    have = [name for name, _ in names]
+    return [have.index(name) for name in wanted]
+
+
 def linearize(airframe: Airframe, trim: TrimPoint) -> LinearModel:
-    """Linearize the longitudinal motion (airspeed, alpha, theta, q, altitude) about a trim point.
+    """Linearize the rigid-body motion (airspeed, alpha, theta, q, altitude; beta, phi, p, r, psi) about a trim point.
 
-    Inputs are surface position and throttle: the actuator is not part of the model (ShortPeriod adds it), the engine
-    is at its steady state. Theta is held while alpha moves, so the flight path carries the difference. Each
-    derivative is a central difference at two steps, extrapolated (Richardson); where the slopes on the two sides differ, or
-    the function jumps, the model has their mean and ``kinks`` says so.
+    Inputs are those of the airframe: for a surface its position (no actuator in the model; ``with_actuator`` adds one), or a
+    normalized command. The other hidden states are as the airframe holds them: it says how. Theta is held while alpha moves, so the
+    flight path carries the difference. Each derivative is a central difference at two steps, extrapolated (Richardson); where
+    the slopes on the two sides differ, or the function jumps, the model has their mean and ``kinks`` says so.
     """
-    point = np.array([*trim.motion, *trim.controls])
-    n, m = len(STATES), len(INPUTS)
+    inputs: Names = tuple((i.name, i.unit) for i in airframe.inputs)
+    point = np.array([*trim.motion, *trim.controls[: len(inputs)]])
+    n = len(STATES)
+    steps = np.array([*_STEPS, *(1e-4 if i.name == "throttle" else _ANGLE * i.high / 0.4363 for i in airframe.inputs)])
 
-    def values(offset: Matrix) -> Matrix:
-        x = point + offset
-        response = airframe.respond(Motion(*x[:n]), Controls(*x[n:]))
-        return np.array([*response.rates, *x[:n], response.nz_g, response.nz_pilot_g, x[2] - x[1]])
+    def values(offset: Matrix) -> list[float]:
+        x = (point + offset).tolist()
+        motion = Motion(*x[:n])
+        rates, nz, nz_pilot, ny = airframe.respond(motion, Controls(*x[n:]))
+        return [*rates, *x[:n], nz, nz_pilot, ny, asin(motion.climb_m_s / motion.airspeed_m_s)]
 
-    centre = values(np.zeros(n + m))
-    J, coarse, below, above, rise = (np.empty((2 * n + 3, n + m)) for _ in range(5))
-    for i, step in enumerate(_STEPS):
-        h = step * np.eye(n + m)[i]
-        plus, minus, half_plus, half_minus = values(h), values(-h), values(h / 2), values(-h / 2)
-        coarse[:, i] = (plus - minus) / (2.0 * step)
-        J[:, i] = (4.0 * (half_plus - half_minus) / step - coarse[:, i]) / 3.0
-        # Slopes over the four parts of the stencil. A jump spoils one of them: of the two on a side the one nearer to
-        # the median of all is the slope of that side.
-        slopes = np.diff([minus, half_minus, centre, half_plus, plus], axis=0) / (step / 2.0)
-        off = np.abs(slopes - np.median(slopes, axis=0))
-        below[:, i] = np.where(off[0] < off[1], slopes[0], slopes[1])
-        above[:, i] = np.where(off[3] < off[2], slopes[3], slopes[2])
-        rise[:, i] = plus - minus
-    size = (
-        np.max(np.abs((above + below) / 2.0) * _STEPS, axis=1, keepdims=True) / _STEPS + 1e-12
-    )  # row, in each column's unit
-    jumps = np.abs(J - (above + below) / 2.0) > _KINK * size
-    sharp = jumps | (np.abs(above - below) > _KINK * size)
-    heights = np.where(jumps, rise - (above + below) * _STEPS, 0.0)
+    # Stencil of each variable: -h, -h/2, 0, h/2, h.
+    centre = values(np.zeros_like(point))
+    stencil = np.empty((5, len(centre), len(point)))
+    for j, offsets in enumerate(np.diag(steps)):
+        for i, share in enumerate((-1.0, -0.5, 0.0, 0.5, 1.0)):
+            stencil[i, :, j] = values(share * offsets) if share else centre
+    minus, half_minus, _, half_plus, plus = stencil
+    coarse = (plus - minus) / (2.0 * steps)
+    J = (4.0 * (half_plus - half_minus) / steps - coarse) / 3.0
+    # Slopes over the four parts of the stencil. A jump spoils one of them: of the two on a side the one nearer to the median
+    # of all is the slope of that side.
+    slopes = np.diff(stencil, axis=0) / (steps / 2.0)
+    off = np.abs(slopes - np.median(slopes, axis=0))
+    below = np.where(off[0] < off[1], slopes[0], slopes[1])
+    above = np.where(off[3] < off[2], slopes[3], slopes[2])
+    mean = (above + below) / 2.0
+    size = np.max(np.abs(mean) * steps, axis=1, keepdims=True) / steps + 1e-12  # row, in each column's unit
+    # Round-off of the row itself is no kink.
+    floor = 1e-11 * (np.abs(np.array(centre))[:, None] + 1.0) / steps
+    jumps = np.abs(J - mean) > _KINK * size + floor
+    sharp = jumps | (np.abs(above - below) > _KINK * size + floor)
+    heights = np.where(jumps, plus - minus - 2.0 * mean * steps, 0.0)
+    columns = (*STATES, *inputs)
     kinks = tuple(
-        Kink(_row(i), _column(j), below[i, j], above[i, j], heights[i, j], _where(airframe, trim, _column(j)))
+        Kink(_row(i), columns[j][0], below[i, j], above[i, j], heights[i, j], _where(airframe, trim, columns[j][0]))
         for i, j in np.argwhere(sharp)
     )
     error = float(np.max(np.where(sharp, 0.0, np.abs(J - coarse) / size)))
-    J = np.where(sharp, (above + below) / 2.0, J)
-    return LinearModel(STATES, INPUTS, OUTPUTS, J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:], trim, error, kinks)
+    J = np.where(sharp, mean, J)
+    again = np.abs(np.array(values(np.zeros_like(point))) - centre)
+    moved = np.max(np.abs(mean) * steps, axis=1)
+    drift = float(np.max(np.where(moved > 1e-9, again / np.maximum(moved, 1e-9), 0.0)))
+    acting = [i for i, (name, _) in enumerate(inputs) if name != "throttle" or airframe.throttle_acts]
+    B, D = J[:n, n:][:, acting], J[n:, n:][:, acting]
+    inputs = tuple(inputs[i] for i in acting)
+    return LinearModel(STATES, inputs, (*STATES, *LOADS), J[:n, :n], B, J[n:, :n], D, trim, error, kinks, drift)
 
 
 def _row(i: int) -> str:
     n = len(STATES)
-    return f"{STATES[i][0]}'" if i < n else OUTPUTS[i - n][0]
-
-
-def _column(j: int) -> str:
-    return (*STATES, *INPUTS)[j][0]
+    return f"{STATES[i][0]}'" if i < n else (*STATES, *LOADS)[i - n][0]
 
 
 def _where(airframe: Airframe, trim: TrimPoint, column: str) -> str:
     """Name the table breakpoints that a variable meets at the trim point."""
     mach = trim.airspeed_m_s / airframe.airspeed_m_s * airframe.mach
-    here = {"mach": mach, "alpha": trim.alpha_rad, "elevator": trim.elevator_rad}
-    moved: Sequence[str] = {
-        "airspeed": ("mach",),
-        "altitude": ("mach",),
-        "alpha": ("alpha",),
-        "elevator": ("elevator",),
-    }.get(column, ())
+    here = {
+        "mach": mach,
+        "alpha": trim.alpha_rad,
+        "beta": trim.motion.beta_rad,
+        "elevator": trim.controls.elevator,
+        "altitude": trim.altitude_m,
+    }
     return " and ".join(
-        f"Mach {value:g}" if quantity == "mach" else f"{quantity} {value / DEG:.3g} deg"
-        for quantity in moved
+        f"Mach {value:g}" if quantity == "mach"
+        else f"{value / FT:.0f} ft" if quantity == "altitude"
+        else f"{quantity} {value / DEG:.3g} deg"
+        for quantity in _MOVES.get(column, ())
         for value in airframe.breakpoints(quantity)
-        if abs(value - here[quantity]) <= _BREAKPOINT_RANGE[quantity]
-    )
+        if abs(value - here[quantity]) <= _NEAR[quantity]
+    )  # fmt: skip

@@ -25,7 +25,8 @@ from flightbed.linearize import LinearModel, linearize
 from flightbed.loop import Flight
 from flightbed.loop import fly as _fly
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
-from flightbed.plant.jsbsim import JsbsimAirframe, JsbsimPlant, Start
+from flightbed.plant.airframe import JsbsimAirframe
+from flightbed.plant.jsbsim import JsbsimPlant, Start
 from flightbed.scenario import Scenario
 from flightbed.sensors import SensorNoise, Sensors
 from flightbed.short_period import ShortPeriod, short_period

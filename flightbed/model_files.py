@@ -14,34 +14,30 @@ from typing import Any, cast
 import numpy as np
 
 from flightbed.errors import OutputError
-from flightbed.modes import longitudinal_modes
+from flightbed.linearize import LATERAL, Matrix
 from flightbed.survey import Point
+from flightbed.units import unit_of
 
 
 def model_table(point: Point, document: Mapping[str, Any]) -> str:
     """Return a linear model as text that fits 80 columns: point, matrices with names and units, modes, warnings."""
-    model, q = point.model, point.qualities
-    lines = [
-        *trim_lines(document),
+    q = point.qualities
+    names = {kind: [(v["name"], v["unit"]) for v in document[kind]] for kind in ("states", "inputs", "outputs")}
+    states, inputs = ([name for name, _ in names[kind]] for kind in ("states", "inputs"))
+    A, B = np.array(document["A"]), np.array(document["B"])
+    lines = [*trim_lines(document), "", "x' = A x + B u in deviations from trim; y = C x + D u; SI and radians"]
+    for kind, pairs in names.items():
+        lines += _wrapped(f"{kind:9}", [f"{n} [{u}]" for n, u in pairs])
+    lines += [
         "",
-        "x' = A x + B u in deviations from trim; y = C x + D u; SI and radians",
-        "states   " + ", ".join(f"{n} [{u}]" for n, u in model.states),
-        "inputs   " + ", ".join(f"{n} [{u}]" for n, u in model.inputs),
-        *_wrapped("outputs  ", [f"{n} [{u}]" for n, u in model.outputs]),
-        "",
-        *_matrix("A", model.A, [n for n, _ in model.states], [n for n, _ in model.states]),
-        "",
-        *_matrix("B", model.B, [n for n, _ in model.states], [n for n, _ in model.inputs]),
-        "",
+        *_blocks(A, B, states, inputs),
         "modes                          eigenvalue, rad/s   omega_n   zeta   time, s",
     ]
-    for mode in longitudinal_modes(model):
-        v = mode.eigenvalue
-        value = f"{v.real:.4f}" + (f" +- {v.imag:.4f}j" if v.imag else "")
-        which = "double" if v.real > 0 else "half"
-        lines.append(
-            f"  {mode.name:24}{value:>22}  {mode.omega_n_rad_s:8.4f}  {mode.zeta:5.2f}   {mode.time_to_half_or_double_s:.3g} {which}"
-        )
+    for mode in document["modes"]:
+        re, im = mode["eigenvalue"]
+        value = f"{re:.4f}" + (f" +- {im:.4f}j" if im else "")
+        time = f"{np.log(2.0) / abs(re):.3g} {'double' if re > 0 else 'half'}" if abs(re) > 1e-6 else "neutral"
+        lines.append(f"  {mode['name']:24}{value:>22}  {mode['omega_n_rad_s']:8.4f}  {mode['zeta']:5.2f}   {time}")
     rating = (
         "two real roots: no CAP"
         if q.cap is None
@@ -58,24 +54,64 @@ def model_table(point: Point, document: Mapping[str, Any]) -> str:
     for result in document.get("validation", ()):
         errors = ", ".join(f"{state} {error:.2%}" for state, error in result["errors"].items())
         lines += _wrapped(f"against the aircraft at {result['plant_hz']} Hz: ", errors.split(" "), " ")
-    lines.append(f"differences: halving the step changes no entry by more than {model.step_error:.0e} of its row")
-    for kink in model.kinks:
-        lines += _wrapped("warning: on a kink, averaged: ", str(kink).split(" "), " ")
+    for name, source in document["sources"].items():
+        if name not in ("jsbsim", "aircraft_sha256"):
+            lines += _wrapped(f"{name}: ", source.split(" "), " ")
+    lines.append(f"differences: halving the step changes no entry by more than {document['step_error']:.0e} of its row")
+    if document["drift"] > 1e-3:
+        text = f"the aircraft's own control system moved by {document['drift']:.0e} while differences were taken"
+        lines += _wrapped("warning: ", text.split(" "), " ")
+    for kink in document["kinks"]:
+        lines += _wrapped("warning: on a kink, averaged: ", kink.split(" "), " ")
     return "\n".join(lines) + "\n"
+
+
+def _blocks(A: Matrix, B: Matrix, states: Sequence[str], inputs: Sequence[str]) -> list[str]:
+    """Return A and B in blocks of five columns; a coupling block that is below 1e-3 of its rows is left out."""
+    lateral = {name for name, _ in LATERAL}
+    groups = [[s for s in states if (s in lateral) == side] for side in (False, True)]
+    lines: list[str] = []
+    for rows in groups:
+        for columns in groups:
+            if not rows or not columns:
+                continue
+            block = A[np.ix_([states.index(s) for s in rows], [states.index(s) for s in columns])]
+            own = A[np.ix_([states.index(s) for s in rows], [states.index(s) for s in rows])]
+            if rows is not columns and np.max(np.abs(block)) <= 1e-3 * np.max(np.abs(own)):
+                continue
+            title = "A" if rows is columns else "A, coupling"
+            for part in (columns[i : i + 5] for i in range(0, len(columns), 5)):
+                picked = block[:, [columns.index(c) for c in part]]
+                lines += [title, *_matrix(picked, rows, part), ""]
+    lines += ["B", *_matrix(B, states, inputs), ""]
+    return lines
 
 
 def trim_lines(document: Mapping[str, Any]) -> list[str]:
     """Return a trim point as lines."""
     c, t = document["condition"], document["trim"]
-    extra = "".join(
-        f", {label} {c[key]:g}" for key, label, rest in
-        (("cg_shift_cbar", "c.g. shift, cbar", 0.0), ("effectiveness", "K", 1.0)) if c[key] != rest
-    )  # fmt: skip
+    extra = [
+        f"{label} {c[key]:g}" for key, label, rest in
+        (("load_factor", "load factor", None), ("cg_shift_cbar", "c.g. shift, cbar", 0.0), ("effectiveness", "K", 1.0))
+        if c[key] != rest
+    ]  # fmt: skip
+    if c["bank_rad"]:
+        extra.append(f"bank {np.rad2deg(c['bank_rad']):g} deg")
+    shown = dict.fromkeys(("alpha", "elevator", "theta", "beta"), "deg") | dict.fromkeys("pqr", "deg_s")
+    shown["throttle"] = "norm"
+    names = {f"{name}_{unit}": (name, unit.replace("_", "/")) for name, unit in shown.items()}
+    names |= {k: (k.removesuffix("_cmd_norm") + " command", "") for k in t if k.endswith("_cmd_norm")}
+    names |= {k: (k.removesuffix("_deg"), "deg") for k in ("aileron_deg", "rudder_deg") if k in t}
+    always = ("alpha_deg", "elevator_deg", "throttle_norm", "theta_deg")
+    words = [
+        f"{name} {t[key]:.4f} {unit}".rstrip().replace(" norm", "")
+        for key, (name, unit) in names.items()
+        if t.get(key) is not None and (key in always or abs(t[key]) > 5e-5)
+    ]
+    head = f"{document['aircraft']} at Mach {c['mach']:.4f}, {c['airspeed_m_s']:.2f} m/s, {c['altitude_m']:.1f} m, "
     return [
-        f"{document['aircraft']} at Mach {c['mach']:.4f}, {c['airspeed_m_s']:.2f} m/s, {c['altitude_m']:.1f} m, "
-        f"gamma {np.rad2deg(c['gamma_rad']):g} deg{extra}",
-        f"trim     alpha {t['alpha_deg']:.4f} deg, elevator {t['elevator_deg']:.4f} deg, throttle {t['throttle_norm']:.4f}",
-        f"         theta {t['theta_deg']:.4f} deg, residual {t['residual']:.0e} (g, rad/s^2)",
+        *_wrapped(head, [f"gamma {round(np.rad2deg(c['gamma_rad']), 4) + 0.0:g} deg", *extra]),
+        *_wrapped("trim     ", [*words, f"residual {t['residual']:.0e} (g, rad/s^2)"]),
     ]
 
 
@@ -105,6 +141,19 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     return buffer.getvalue()
 
 
+def parquet(rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """Return rows as Parquet; every key of any row is a column, empty where a row does not have it, and units are in column metadata."""
+    import pyarrow as pa
+    from pyarrow import parquet as pq
+
+    columns = list(dict.fromkeys(key for r in rows for key in r))
+    table = pa.table({c: pa.array([r.get(c) for r in rows]) for c in columns})
+    fields = [f.with_metadata({"unit": unit_of(f.name)}) for f in table.schema]
+    buffer = io.BytesIO()
+    pq.write_table(table.cast(pa.schema(fields)), buffer)
+    return buffer.getvalue()
+
+
 def json_text(documents: Sequence[Mapping[str, Any]]) -> str:
     """Return one document, or a list of several, as JSON."""
     return json.dumps(documents[0] if len(documents) == 1 else list(documents), indent=2, allow_nan=False) + "\n"
@@ -112,15 +161,19 @@ def json_text(documents: Sequence[Mapping[str, Any]]) -> str:
 
 def arrays(point: Point, document: Mapping[str, Any]) -> dict[str, Any]:
     """Return a model as named arrays, for npz and mat files."""
-    model, trimmed = point.model, point.trim
+    trimmed = point.trim
+    matrices = {name: np.array(document[name]) for name in "ABCD"}
+    names = {
+        key: np.array([v[field] for v in document[kind]])
+        for kind in ("states", "inputs", "outputs")
+        for key, field in ((kind, "name"), (f"{kind[:-1]}_units", "unit"))
+    }
     return {
-        "A": model.A, "B": model.B, "C": model.C, "D": model.D,
+        **matrices,
         "Ad": np.array(document["discrete"]["A"]), "Bd": np.array(document["discrete"]["B"]),
         "control_hz": float(document["discrete"]["control_hz"]),
         "A_short_period": point.design.A, "B_short_period": point.design.b[:, None],
-        "states": np.array([n for n, _ in model.states]), "state_units": np.array([u for _, u in model.states]),
-        "inputs": np.array([n for n, _ in model.inputs]), "input_units": np.array([u for _, u in model.inputs]),
-        "outputs": np.array([n for n, _ in model.outputs]), "output_units": np.array([u for _, u in model.outputs]),
+        **names,
         "x_trim": np.array(trimmed.motion), "u_trim": np.array(trimmed.controls), "trim_residual": trimmed.residual,
     }  # fmt: skip
 
@@ -138,7 +191,7 @@ def binary(content: Mapping[str, Any], kind: str) -> bytes:
     return buffer.getvalue()
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes, *, option: str = "-o") -> None:
     """Write a file so that it appears whole or not at all. Raises OutputError."""
     try:
         handle, scratch = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.")
@@ -151,7 +204,7 @@ def write_whole(path: Path, content: bytes) -> None:
             Path(scratch).unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise OutputError(f"-o {path}: cannot be written: {error.strerror}") from None
+        raise OutputError(f"{option} {path}: cannot be written: {error.strerror}") from None
 
 
 def _umask() -> int:
@@ -160,9 +213,17 @@ def _umask() -> int:
     return mask
 
 
-def _matrix(name: str, values: Any, rows: Sequence[str], columns: Sequence[str]) -> list[str]:
-    head = f"{name:9}" + "".join(f"{c:>13}" for c in columns)
-    return [head, *(f"{r:9}" + "".join(f"{v:13.5g}" for v in line) for r, line in zip(rows, values, strict=True))]
+def _matrix(values: Any, rows: Sequence[str], columns: Sequence[str]) -> list[str]:
+    head = " " * 13 + "".join(f"{c:>13}" for c in columns)
+    return [
+        head,
+        *(f"  {r:11}" + "".join(f"{v:13.5g}" for v in _clean(line)) for r, line in zip(rows, values, strict=True)),
+    ]
+
+
+def _clean(line: Any) -> Any:
+    """Round-off of the differences is shown as 0."""
+    return np.where(np.abs(line) < 1e-8 * np.max(np.abs(line)), 0.0, line)
 
 
 def _wrapped(head: str, words: Sequence[str], joint: str = ", ", width: int = 80) -> list[str]:

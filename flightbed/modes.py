@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import inf, log
 
 import numpy as np
+import numpy.typing as npt
 
 from flightbed.linearize import LinearModel
 from flightbed.units import G0
@@ -49,6 +50,61 @@ class Mode:
         return log(2.0) / abs(self.eigenvalue.real) if self.eigenvalue.real else inf
 
 
+def modes(model: LinearModel) -> tuple[Mode, ...]:
+    """Name the modes of a model: longitudinal, lateral, short-period, or of the full one.
+
+    In asymmetric flight the two halves of the full model are coupled: its eigenvalues then have the names of the nearest ones of the
+    uncoupled halves, and a root that none is left for is "coupled".
+    """
+    names = {name for name, _ in model.states}
+    if not {"airspeed", "beta"} <= names:
+        return (longitudinal_modes if "alpha" in names else lateral_modes)(model)
+    left = [*longitudinal_modes(model.subset("longitudinal")), *lateral_modes(model.subset("lateral"))]
+    found = []
+    for value in sorted((complex(v) for v in model.eigenvalues() if v.imag >= 0.0), key=abs, reverse=True):
+        kind = [m for m in left if bool(m.eigenvalue.imag) == bool(value.imag)] or left
+        near = min(kind, key=lambda m: abs(m.eigenvalue - value), default=None)
+        found.append(Mode(near.name if near else "coupled", value))
+        if near:
+            left.remove(near)
+    return tuple(found)
+
+
+def lateral_modes(model: LinearModel) -> tuple[Mode, ...]:
+    """Name the lateral modes: Dutch roll, roll, spiral, and the heading, which nothing restores.
+
+    The root that psi takes most part in is the heading. Of oscillations the one with the larger part of beta and r is the
+    Dutch roll, another one the lateral phugoid (roll and spiral joined). Of real roots the fastest is the roll, the slowest the spiral; two
+    more stand in place of the Dutch roll.
+    """
+    values, share = _participation(model)
+    names = [name for name, _ in model.states]
+    heading = int(np.argmax(share[names.index("psi")]))
+    yaw = share[names.index("beta")] + share[names.index("r")]
+    pairs = sorted((i for i in range(len(values)) if values[i].imag > 0.0), key=lambda i: -yaw[i])
+    reals = sorted(
+        (i for i in range(len(values)) if values[i].imag == 0.0 and i != heading), key=lambda i: -abs(values[i])
+    )
+    named = {heading: "heading"}
+    named |= dict(zip(pairs, ("Dutch roll", "lateral phugoid"), strict=False))
+    if len(pairs) == 2:
+        reals = []
+    if reals:
+        named |= dict.fromkeys(reals[1:-1], "Dutch roll, real root") | {reals[0]: "roll", reals[-1]: "spiral"}
+    found = [Mode(named.get(i, "lateral"), complex(v)) for i, v in enumerate(values) if v.imag >= 0.0]
+    return tuple(sorted(found, key=lambda mode: -mode.omega_n_rad_s))
+
+
+def _participation(model: LinearModel) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.float64]]:
+    """Return the eigenvalues, and the part (n, n) that each state (row) takes in each: products of left and right eigenvectors."""
+    values, right = np.linalg.eig(model.A)
+    try:
+        share = np.abs(right * np.linalg.inv(right).T)
+    except np.linalg.LinAlgError:  # a defective matrix
+        share = np.abs(right) ** 2
+    return np.asarray(values, dtype=np.complex128), np.asarray(share / share.sum(axis=0))
+
+
 def longitudinal_modes(model: LinearModel) -> tuple[Mode, ...]:
     """Name the longitudinal modes by which states take part in them.
 
@@ -56,10 +112,7 @@ def longitudinal_modes(model: LinearModel) -> tuple[Mode, ...]:
     short period, the rest with airspeed and theta is the phugoid, and a root that is mostly altitude the altitude mode. Two real roots in
     place of a pair are called so; a pair that takes one root of each is a third oscillation.
     """
-    values, right = np.linalg.eig(model.A)
-    left = np.linalg.inv(right)
-    share = np.abs(right * left.T)
-    share /= share.sum(axis=0)
+    values, share = _participation(model)
     names = [name for name, _ in model.states]
 
     def part(i: int, states: Iterable[str]) -> float:
@@ -111,7 +164,8 @@ def flying_qualities(model: LinearModel) -> FlyingQualities:
     """
     names = [name for name, _ in model.states]
     n_alpha = -model.trim.airspeed_m_s * float(model.A[names.index("alpha"), names.index("alpha")]) / G0
-    pair = [m for m in longitudinal_modes(model) if m.name == "short period"]
+    half = model.subset("longitudinal") if "beta" in names else model
+    pair = [m for m in longitudinal_modes(half) if m.name == "short period"]
     if not pair:
         return FlyingQualities(n_alpha, None, None, None, None)
     omega, zeta = pair[0].omega_n_rad_s, pair[0].zeta

@@ -15,7 +15,7 @@ Vector = npt.NDArray[np.float64]
 
 
 class Discrete(NamedTuple):
-    """x+ = A x + b u over one period; A (n, n), b (n,)."""
+    """x+ = A x + b u over one period; A (n, n), b (n,) or (n, m)."""
 
     A: Matrix
     b: Vector
@@ -59,18 +59,27 @@ class ShortPeriod:
 
 
 def short_period(model: LinearModel, *, actuator_rad_s: float) -> ShortPeriod:
-    """Take the short-period model out of a longitudinal linear model; speed and attitude are frozen."""
+    """Take the short-period model out of a linear model; speed, attitude and lateral motion are frozen."""
     A, B = model.part(("alpha", "q"), ("elevator",))
-    return ShortPeriod(A, B[:, 0], actuator_rad_s, model.trim.alpha_rad, model.trim.elevator_rad)
+    return ShortPeriod(A, B[:, 0], actuator_rad_s, model.trim.alpha_rad, model.trim.controls.elevator)
 
 
-def zero_order_hold(A: Matrix, b: Vector, period_s: float) -> Discrete:
-    """Discretize x' = A x + b u for an input held over the period, by one matrix exponential of [[A, b], [0, 0]]."""
+def zero_order_hold(A: Matrix, b: Matrix, period_s: float) -> Discrete:
+    """Discretize x' = A x + b u for inputs held over the period, by one matrix exponential of [[A, b], [0, 0]].
+
+    Args:
+        A: (n, n).
+        b: (n,) for one input, (n, m) for several; the result has the same shape.
+        period_s: how long the inputs are held, s.
+
+    """
     from scipy.linalg import expm  # slow to import
 
     n = A.shape[0]
-    block = np.zeros((n + 1, n + 1))
+    columns = b.reshape(n, -1)
+    size = n + columns.shape[1]
+    block = np.zeros((size, size))
     block[:n, :n] = A * period_s
-    block[:n, n] = b * period_s
+    block[:n, n:] = columns * period_s
     transition = expm(block)
-    return Discrete(transition[:n, :n], transition[:n, n])
+    return Discrete(transition[:n, :n], transition[:n, n:].reshape(b.shape))

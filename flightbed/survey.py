@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from flightbed.aircraft import Aircraft
+from flightbed import data
+from flightbed.aircraft import Aircraft, load_aircraft
 from flightbed.authority import Authority, authority
-from flightbed.errors import InputError, NoTrimError
+from flightbed.errors import InputError, NoTrimError, UnknownNameError
 from flightbed.linearize import LinearModel, linearize
-from flightbed.modes import FlyingQualities, flying_qualities, longitudinal_modes
-from flightbed.plant.jsbsim import JsbsimAirframe, version
-from flightbed.short_period import ShortPeriod, short_period, zero_order_hold
+from flightbed.modes import FlyingQualities, flying_qualities
+from flightbed.plant.airframe import Engine, JsbsimAirframe
+from flightbed.plant.jsbsim import stock_aircraft, stock_names
+from flightbed.short_period import ShortPeriod, short_period
+from flightbed.stock import StockAircraft
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT, KT
-from flightbed.validate import validate
 
 MOST = 100_000  # conditions of one sweep
+STOCK = "jsbsim:"  # prefix: the aircraft as JSBSim ships it, also where an overlay has the same name
 _SPEEDS = {"mach": ("mach", 1.0), "tas_fps": ("tas_m_s", FT), "cas_kt": ("cas_m_s", KT)}
 
 
@@ -33,8 +36,11 @@ class Query:
     tas_fps: float | None = None
     cas_kt: float | None = None
     gamma_deg: float = 0.0
+    load_factor: float | None = None
+    bank_deg: float = 0.0
     cg_shift_cbar: float = 0.0
     effectiveness: float = 1.0
+    engine: Engine = "steady"
 
     @property
     def speed(self) -> tuple[str, float]:
@@ -50,12 +56,14 @@ class Query:
         words = {"mach": f"Mach {value:.2f}", "tas_fps": f"{value:g} ft/s true", "cas_kt": f"{value:g} kt calibrated"}[
             name
         ]
-        return f"{words}, {self.altitude_ft:.0f} ft"
+        more = "" if self.load_factor is None else f", load factor {self.load_factor:g}"
+        more += f", bank {self.bank_deg:g} deg" if self.bank_deg else ""
+        return f"{words}, {self.altitude_ft:.0f} ft{more}"
 
 
 @dataclass(frozen=True)
 class Point:
-    """A trimmed condition and its linear model."""
+    """A trimmed condition and its linear model (all ten states)."""
 
     query: Query
     airframe: JsbsimAirframe
@@ -64,6 +72,21 @@ class Point:
     design: ShortPeriod
     qualities: FlyingQualities
     authority: Authority
+
+
+def find_aircraft(name: str) -> Aircraft | StockAircraft:
+    """Read an aircraft: shipped with an overlay, a folder, or one of JSBSim's own. Raises UnknownNameError, AircraftError."""
+    if name.startswith(STOCK):
+        return stock_aircraft(name.removeprefix(STOCK))
+    if name in data.names("aircraft"):
+        return load_aircraft(name)
+    if name in stock_names():
+        return stock_aircraft(name)
+    try:
+        return load_aircraft(name)
+    except UnknownNameError:
+        known = {*data.names("aircraft"), *stock_names()}
+        raise UnknownNameError("aircraft", name, known, also=", and no such folder") from None
 
 
 def axis(text: str, option: str) -> tuple[float, ...]:
@@ -82,13 +105,14 @@ def axis(text: str, option: str) -> tuple[float, ...]:
     raise InputError(f"{option}: must be a number, a list like 0.6,0.8 or a range like 0.6:0.9:0.1 (got '{text}')")
 
 
-def queries(altitudes_ft: tuple[float, ...], speed: str, values: tuple[float, ...], **fixed: float) -> Iterator[Query]:
+def queries(altitudes_ft: tuple[float, ...], speed: str, values: tuple[float, ...], **fixed: Any) -> Iterator[Query]:
     """Yield every combination of altitude and speed."""
     for altitude_ft, value in product(altitudes_ft, values):
-        yield Query(altitude_ft=altitude_ft, **{speed: value}, **fixed)
+        given: dict[str, Any] = {speed: value}
+        yield Query(altitude_ft=altitude_ft, **given, **fixed)
 
 
-def airframe_at(aircraft: Aircraft, query: Query) -> JsbsimAirframe:
+def airframe_at(aircraft: Aircraft | StockAircraft, query: Query) -> JsbsimAirframe:
     """Build the equations of motion at a condition. Raises InputError for one that makes no sense."""
     name, value = query.speed
     if not value > 0.0:
@@ -101,138 +125,86 @@ def airframe_at(aircraft: Aircraft, query: Query) -> JsbsimAirframe:
         raise InputError(f"--cg-shift-cbar: must be between -0.5 and 0.5 (got {query.cg_shift_cbar:g})")
     if not abs(query.gamma_deg) <= 60.0:
         raise InputError(f"--gamma-deg: must be between -60 and 60 (got {query.gamma_deg:g})")
+    if query.load_factor is not None and not -10.0 <= query.load_factor <= 20.0:
+        raise InputError(f"--load-factor: must be between -10 and 20 (got {query.load_factor:g})")
+    if not abs(query.bank_deg) <= 85.0:
+        raise InputError(f"--bank-deg: must be between -85 and 85 (got {query.bank_deg:g})")
     keyword, factor = _SPEEDS[name]
     speed: dict[str, Any] = {keyword: value * factor}
     return JsbsimAirframe(aircraft, altitude_m=query.altitude_ft * FT, cg_shift_cbar=query.cg_shift_cbar,
-                          effectiveness=query.effectiveness, **speed)  # fmt: skip
+                          effectiveness=query.effectiveness, engine=query.engine, **speed)  # fmt: skip
 
 
-def trim_at(aircraft: Aircraft, query: Query) -> tuple[JsbsimAirframe, TrimPoint]:
-    """Trim at a condition. Raises InputError, NoTrimError."""
+def _trimmed(aircraft: Aircraft | StockAircraft, query: Query) -> tuple[JsbsimAirframe, TrimPoint]:
     airframe = airframe_at(aircraft, query)
+    gamma, bank = query.gamma_deg * DEG, query.bank_deg * DEG
+    return airframe, trim(airframe, gamma_rad=gamma, load_factor=query.load_factor, bank_rad=bank)
+
+
+def trim_at(aircraft: Aircraft | StockAircraft, query: Query) -> tuple[JsbsimAirframe, TrimPoint]:
+    """Trim at a condition. Raises InputError, NoTrimError."""
     try:
-        return airframe, trim(airframe, gamma_rad=query.gamma_deg * DEG)
+        return _trimmed(aircraft, query)
     except NoTrimError as error:
         error.args = (f"no trim at {query}: {error}",)
         raise
 
 
-def linearize_at(aircraft: Aircraft, query: Query) -> Point:
+def nearest_feasible(aircraft: Aircraft | StockAircraft, query: Query) -> dict[str, float]:
+    """Look for the nearest condition that can be trimmed, moving one quantity at a time.
+
+    Load factor or bank are moved toward level flight, the altitude down, the speed up and down to thrice and a third; each by
+    steps of 5 % (1000 ft), then bisected to 0.1 % (10 ft).
+
+    Returns:
+        name of the quantity (as in Query; ``"..._above"`` and ``"..._below"`` for speeds) -> value; only those found.
+
+    """
+
+    def feasible(name: str, value: float) -> bool:
+        try:
+            moved: dict[str, Any] = {name: value}
+            _trimmed(aircraft, replace(query, **moved))
+        except (NoTrimError, InputError):
+            return False
+        return True
+
+    def search(name: str, start: float, step: Callable[[float], float], tries: int, fine: float) -> float | None:
+        bad, value = start, start
+        for _ in range(tries):
+            value = step(value)
+            if feasible(name, value):
+                break
+            bad = value
+        else:
+            return None
+        while abs(value - bad) > fine:
+            middle = (value + bad) / 2.0
+            value, bad = (middle, bad) if feasible(name, middle) else (value, middle)
+        return value
+
+    speed, v = query.speed
+    looks: dict[str, float | None] = {
+        f"{speed}_above": search(speed, v, lambda x: 1.05 * x, 22, 1e-3 * v),
+        f"{speed}_below": search(speed, v, lambda x: x / 1.05, 22, 1e-3 * v),
+        "altitude_ft": search("altitude_ft", query.altitude_ft, lambda x: x - 1000.0, int(query.altitude_ft / 1000.0), 10.0),
+    }  # fmt: skip
+    if query.load_factor is not None:
+        n = query.load_factor
+        looks["load_factor"] = search("load_factor", n, lambda x: x + 0.05 * (1.0 - n), 20, 1e-3 * abs(n - 1.0) + 1e-6)
+    if query.bank_deg:
+        phi = query.bank_deg
+        looks["bank_deg"] = search("bank_deg", phi, lambda x: x - 0.05 * phi, 19, 1e-3 * abs(phi))
+    return {name: value for name, value in looks.items() if value is not None}
+
+
+def linearize_at(aircraft: Aircraft | StockAircraft, query: Query) -> Point:
     """Trim and linearize at a condition. Raises InputError, NoTrimError."""
     airframe, point = trim_at(aircraft, query)
+    airframe.freeze(point.motion, point.controls)
     model = linearize(airframe, point)
-    design = short_period(model, actuator_rad_s=aircraft.actuator.lag_rad_s)
-    enough = authority(design, aircraft.actuator, effectiveness=query.effectiveness)
+    lag = aircraft.actuator.lag_rad_s if isinstance(aircraft, Aircraft) else np.inf
+    design = short_period(model, actuator_rad_s=lag)
+    elevator = airframe.inputs[0]
+    enough = authority(design, (elevator.low, elevator.high), effectiveness=query.effectiveness)
     return Point(query, airframe, point, model, design, flying_qualities(model), enough)
-
-
-def trim_document(aircraft: Aircraft, query: Query, airframe: JsbsimAirframe, point: TrimPoint) -> dict[str, Any]:
-    """Return a trim point as plain values, as ``trim --format json`` prints it."""
-    return {
-        "aircraft": aircraft.name,
-        "condition": {
-            "mach": airframe.mach,
-            "airspeed_m_s": point.airspeed_m_s,
-            "altitude_m": airframe.altitude_m,
-            "gamma_rad": query.gamma_deg * DEG,
-            "cg_shift_cbar": query.cg_shift_cbar,
-            "effectiveness": query.effectiveness,
-        },
-        "trim": {
-            "alpha_deg": point.alpha_rad / DEG,
-            "elevator_deg": point.elevator_rad / DEG,
-            "throttle_norm": point.throttle_norm,
-            "theta_deg": point.theta_rad / DEG,
-            "residual": point.residual,
-        },
-    }
-
-
-def document(aircraft: Aircraft, point: Point, *, control_hz: float, validated: bool = False) -> dict[str, Any]:
-    """Return a linear model as plain values, as ``linearize --format json`` prints it; SI and radians but for ``trim``."""
-    model, design, qualities = point.model, point.design, point.qualities
-    discrete = [zero_order_hold(model.A, model.B[:, i], 1.0 / control_hz) for i in range(model.B.shape[1])]
-    query = point.query
-    flown = (
-        validate(aircraft, model, cg_shift_cbar=query.cg_shift_cbar, effectiveness=query.effectiveness)
-        if validated
-        else ()
-    )
-    return {
-        **({"validation": [asdict(result) for result in flown]} if validated else {}),
-        **trim_document(aircraft, point.query, point.airframe, point.trim),
-        "states": [{"name": name, "unit": unit} for name, unit in model.states],
-        "inputs": [{"name": name, "unit": unit} for name, unit in model.inputs],
-        "outputs": [{"name": name, "unit": unit} for name, unit in model.outputs],
-        "A": model.A.tolist(),
-        "B": model.B.tolist(),
-        "C": model.C.tolist(),
-        "D": model.D.tolist(),
-        "modes": [
-            {
-                "name": mode.name,
-                "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
-                "omega_n_rad_s": mode.omega_n_rad_s,
-                "zeta": mode.zeta,
-                "time_constant_s": mode.time_constant_s if np.isfinite(mode.time_constant_s) else None,
-            }
-            for mode in longitudinal_modes(model)
-        ],
-        "short_period": {
-            "A": design.A.tolist(),
-            "B": design.b[:, None].tolist(),
-            "states": ["alpha", "q"],
-            "inputs": ["elevator"],
-            "eigenvalues": [[p.real, p.imag] for p in design.poles.tolist()],
-            "n_alpha_g_rad": qualities.n_alpha_g_rad,
-            "cap": qualities.cap,
-            "level": qualities.level,
-        },
-        "discrete": {
-            "control_hz": control_hz,
-            "A": discrete[0].A.tolist(),
-            "B": np.column_stack([d.b for d in discrete]).tolist(),
-        },
-        "authority": {
-            "effectiveness_min_trim": point.authority.trim,
-            "effectiveness_min_hold": point.authority.hold,
-            "hold_from_alpha_rad": point.authority.alpha_rad,
-        },
-        "step_error": model.step_error,
-        "kinks": [str(kink) for kink in model.kinks],
-        "sources": {
-            "elevator": "surface position; the actuator is not part of the model",
-            "throttle": "normalized; the engine is at its steady state",
-            "control_system": "none in pitch; speed and altitude are free",
-            "jsbsim": version(),
-            "aircraft_sha256": aircraft.sha256,
-        },
-    }
-
-
-def row(point: Point) -> dict[str, Any]:
-    """Return one line of a sweep's table, units in the names."""
-    model, design, trimmed = point.model, point.design, point.trim
-    return {
-        "mach": point.airframe.mach,
-        "altitude_ft": point.query.altitude_ft,
-        "airspeed_m_s": trimmed.airspeed_m_s,
-        "alpha_deg": trimmed.alpha_rad / DEG,
-        "elevator_deg": trimmed.elevator_rad / DEG,
-        "throttle_norm": trimmed.throttle_norm,
-        "residual": trimmed.residual,
-        **dict(
-            zip(("Z_alpha", "Z_q", "M_alpha", "M_q", "Z_delta", "M_delta"), [*design.A.ravel(), *design.b], strict=True)
-        ),
-        "fastest_unstable_rad_s": float(max(design.poles.real)),
-        "n_alpha_g_rad": point.qualities.n_alpha_g_rad,
-        "cap": point.qualities.cap,
-        "level": point.qualities.level,
-        "effectiveness_min_trim": point.authority.trim,
-        "effectiveness_min_hold": point.authority.hold,
-        "kinks": len(model.kinks),
-        "kinks_short_period": sum(
-            k.row in ("alpha'", "q'") and k.column in ("alpha", "q", "elevator") for k in model.kinks
-        ),
-        "no_trim": "",
-    }

@@ -1,163 +1,243 @@
-"""Airframe -> TrimPoint: straight and level flight, or the reason why there is none."""
+"""Airframe -> TrimPoint: steady flight (level, climbing, pulling up, turning), or the reason why there is none."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from math import asin, atan2, cos, sin, sqrt, tan
 
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.errors import NoTrimError
+from flightbed.errors import InputError, NoTrimError
 from flightbed.plant.base import Airframe, Controls, Motion
 from flightbed.units import DEG, G0
 
 Vector = npt.NDArray[np.float64]
 Residual = Callable[[Vector], Vector]
 
-_TOLERANCE = 1e-10  # largest residual of an accepted trim (g, g, rad/s^2); the contract promises 1e-8
-_STEP = np.array([1e-5, 1e-5, 1e-5])  # of the Jacobian: rad, rad, throttle
+TOLERANCE = 1e-10  # largest residual of an accepted trim (g, rad/s^2); the contract promises 1e-8
+ACCEPTED = 1e-7  # of an aircraft that does not answer twice alike: its own control system moves between evaluations
 _STARTS = (
     (2.0, -1.0, 0.25),
     (10.0, -2.0, 0.3),
     (20.0, -2.0, 0.5),
     (0.0, -1.0, 0.6),
-)  # alpha deg, elevator deg, throttle
-_EQUATIONS = ("speed", "lift", "pitch")
-_UNITS = ("g", "g", "rad/s^2")
+)  # alpha deg, elevator (25ths of its range), throttle
+_EQUATIONS = ("speed", "lift", "pitch", "side force", "roll", "yaw")
+_UNITS = ("g", "g", "rad/s^2", "g", "rad/s^2", "rad/s^2")
 
 
 @dataclass(frozen=True)
 class TrimPoint:
-    """Steady symmetric equilibrium of an airframe. SI, radians.
+    """Steady flight of an airframe. SI, radians.
 
     Attributes:
-        residual: largest of |V'|/g, V|alpha'|/g and |q'| (g, g, rad/s^2) at the point.
+        motion: alpha, theta and the rest; airspeed and altitude of the condition.
+        controls: elevator, throttle, aileron, rudder, in the airframe's units.
+        residual: largest of |V'|/g, V|alpha'|/g, V|beta'|/g, |q'|, |p'| and |r'| (g, rad/s^2) at the point.
 
     """
 
-    airspeed_m_s: float
-    alpha_rad: float
-    theta_rad: float
-    elevator_rad: float
-    throttle_norm: float
+    motion: Motion
+    controls: Controls
     residual: float
-    altitude_m: float
 
     @property
-    def motion(self) -> Motion:
-        """The trimmed state of motion."""
-        return Motion(self.airspeed_m_s, self.alpha_rad, self.theta_rad, 0.0, self.altitude_m)
+    def airspeed_m_s(self) -> float:
+        """True airspeed."""
+        return self.motion.airspeed_m_s
 
     @property
-    def controls(self) -> Controls:
-        """The trimmed controls."""
-        return Controls(self.elevator_rad, self.throttle_norm)
+    def altitude_m(self) -> float:
+        """Geometric altitude."""
+        return self.motion.altitude_m
+
+    @property
+    def alpha_rad(self) -> float:
+        """Angle of attack."""
+        return self.motion.alpha_rad
+
+    @property
+    def theta_rad(self) -> float:
+        """Pitch attitude."""
+        return self.motion.theta_rad
+
+    @property
+    def gamma_rad(self) -> float:
+        """Flight-path angle."""
+        return asin(self.motion.climb_m_s / self.motion.airspeed_m_s)
+
+    @property
+    def elevator_rad(self) -> float:
+        """Elevator position, of an airframe whose elevator is one."""
+        return self.controls.elevator
+
+    @property
+    def throttle_norm(self) -> float:
+        """Throttle command."""
+        return self.controls.throttle
 
 
-def trim(airframe: Airframe, *, gamma_rad: float = 0.0) -> TrimPoint:
-    """Find (alpha, elevator, throttle) of steady symmetric flight at the airframe's airspeed.
+def trim(
+    airframe: Airframe, *, gamma_rad: float = 0.0, load_factor: float | None = None, bank_rad: float = 0.0
+) -> TrimPoint:
+    """Find alpha and the controls of steady flight at the airframe's airspeed.
 
-    Damped Newton from several starts on the residuals of the speed, lift and pitch equations; a bounded
-    least-squares search afterwards only to say what is wrong when none converges inside the limits.
+    Level or climbing flight, a pull-up (``load_factor``: q = (n - cos gamma) g / V with everything else steady, as at the bottom
+    of a loop), or a steady turn (``bank_rad``: turn rate g tan(phi) / (V cos gamma), theta from the rate-of-climb constraint of
+    Stevens and Lewis, Aircraft Control and Simulation, eq 3.6-3). Aileron, rudder and sideslip join the unknowns when the flight is not
+    symmetric. An airframe without an engine glides: the flight-path angle takes the throttle's place.
+
+    Damped Newton from several starts on the residuals of the equations; a bounded least-squares search afterwards only to say
+    what is wrong when none converges inside the limits.
 
     Args:
         airframe: the equations of motion at one altitude, with ``airspeed_m_s`` of the condition.
         gamma_rad: flight-path angle, rad.
+        load_factor: lift over weight in a pull-up, g; None for steady flight.
+        bank_rad: bank of a steady turn, right positive, rad.
 
     Raises:
+        InputError: a load factor and a bank together, or a flight-path angle for a glider.
         NoTrimError: no equilibrium within the limits; carries the nearest point, its residual and what binds.
 
     """
-    lower, upper = _bounds(airframe)
-
-    def residual(x: Vector) -> Vector:
-        v = airframe.airspeed_m_s
-        motion = Motion(v, x[0], x[0] + gamma_rad, 0.0, airframe.altitude_m)
-        rates = airframe.respond(motion, Controls(x[1], x[2])).rates
-        return np.array([rates.airspeed / G0, v * rates.alpha / G0, rates.q])
-
+    if load_factor is not None and bank_rad:
+        raise InputError("a load factor is for a pull-up with wings level; in a turn it follows from the bank")
+    if gamma_rad and not airframe.powered:
+        raise InputError(f"{airframe.name} has no engine: its flight-path angle cannot be chosen, it follows")
+    problem = _Problem(airframe, gamma_rad, load_factor, bank_rad)
     outside: Vector | None = None
-    for alpha_deg, elevator_deg, throttle in _STARTS:
-        x = _newton(residual, np.array([alpha_deg * DEG, elevator_deg * DEG, throttle]))
+    for alpha_deg, elevator, throttle in _STARTS:
+        x = _newton(problem.residual, problem.start(alpha_deg, elevator, throttle), problem.steps)
         if x is None:
             continue
-        if np.all((lower <= x) & (x <= upper)):
-            worst = float(np.max(np.abs(residual(x))))
-            return TrimPoint(
-                airframe.airspeed_m_s,
-                float(x[0]),
-                float(x[0] + gamma_rad),
-                float(x[1]),
-                float(x[2]),
-                worst,
-                airframe.altitude_m,
-            )
+        if np.all((problem.low <= x) & (x <= problem.high)):
+            worst = float(np.max(np.abs(problem.residual(x))))
+            return TrimPoint(*problem.point(x), worst)
         outside = x
-    raise _no_trim(residual, lower, upper, outside)
+    raise _no_trim(problem, outside)
 
 
-def _bounds(airframe: Airframe) -> tuple[Vector, Vector]:
-    limits, actuator = airframe.limits, airframe.actuator
-    low, high = zip(limits.alpha_rad, (actuator.min_rad, actuator.max_rad), limits.throttle_norm, strict=True)
-    return np.array(low), np.array(high)
+class _Problem:
+    """Unknowns, equations and limits of one trim."""
+
+    def __init__(self, airframe: Airframe, gamma_rad: float, load_factor: float | None, bank_rad: float) -> None:
+        self.airframe, self._gamma, self._n, self._bank = airframe, gamma_rad, load_factor, bank_rad
+        elevator, throttle, *lateral = airframe.inputs
+        third = (throttle.low, throttle.high) if airframe.powered else (-60.0 * DEG, 30.0 * DEG)
+        limits = [airframe.alpha_limits_rad, (elevator.low, elevator.high), third]
+        self.names = ["alpha", "elevator", "throttle" if airframe.powered else "gamma"]
+        self._elevator_scale = elevator.high / 25.0
+        self._lateral = False
+        if lateral:
+            symmetric = np.array([1.0 * DEG, 0.0, 0.3 if airframe.powered else 0.0])
+            rates = self._rates(symmetric)
+            # beta' of a symmetric aircraft is not quite zero on a rotating earth.
+            self._lateral = bool(bank_rad) or max(abs(rates[3]), abs(rates[4]), abs(rates[5])) > 1e-6
+            if self._lateral:
+                limits += [(-20.0 * DEG, 20.0 * DEG), *((i.low, i.high) for i in lateral)]
+                self.names += ["beta", "aileron", "rudder"]
+        self.low, self.high = np.array(limits).T
+        scales = [1.0, elevator.high / 0.4363, 1.0, 1.0, *(i.high / 0.4363 for i in lateral)]
+        self.steps = 1e-5 * np.array(scales[: len(limits)])
+
+    def start(self, alpha_deg: float, elevator: float, throttle: float) -> Vector:
+        x = np.zeros(len(self.names))
+        x[:3] = alpha_deg * DEG, elevator * self._elevator_scale, throttle if self.airframe.powered else -0.1
+        return x
+
+    def point(self, x: Vector) -> tuple[Motion, Controls]:
+        alpha, elevator, third = map(float, x[:3])
+        beta, aileron, rudder = map(float, x[3:]) if self._lateral else (0.0, 0.0, 0.0)
+        gamma, throttle = (self._gamma, third) if self.airframe.powered else (third, 0.0)
+        v, phi = self.airframe.airspeed_m_s, self._bank
+        theta = _theta(alpha, beta, phi, gamma)
+        turn = G0 * tan(phi) / (v * cos(gamma))
+        q = turn * sin(phi) * cos(theta)
+        if self._n is not None:
+            q = (self._n - cos(gamma)) * G0 / v
+        motion = Motion(
+            v, alpha, theta, q, self.airframe.altitude_m, beta, phi, -turn * sin(theta), turn * cos(phi) * cos(theta)
+        )
+        return motion, Controls(elevator, throttle, aileron, rudder)
+
+    def _rates(self, x: Vector) -> Vector:
+        rates, v = self.airframe.respond(*self.point(x)).rates, self.airframe.airspeed_m_s
+        return np.array([rates.airspeed / G0, v * rates.alpha / G0, rates.q, v * rates.beta / G0, rates.p, rates.r])
+
+    def residual(self, x: Vector) -> Vector:
+        return self._rates(x) if self._lateral else self._rates(x)[:3]
 
 
-def _jacobian(residual: Residual, x: Vector) -> Vector:
+def _theta(alpha: float, beta: float, phi: float, gamma: float) -> float:
+    if not beta and not phi:
+        return alpha + gamma
+    a = cos(alpha) * cos(beta)
+    b = sin(phi) * sin(beta) + cos(phi) * sin(alpha) * cos(beta)
+    s = sin(gamma)
+    return atan2(a * b + s * sqrt(max(a * a - s * s + b * b, 0.0)), a * a - s * s)
+
+
+def _jacobian(residual: Residual, steps: Vector, x: Vector) -> Vector:
     columns = []
-    for i, step in enumerate(_STEP):
-        offset = np.zeros(3)
+    for i, step in enumerate(steps):
+        offset = np.zeros(len(x))
         offset[i] = step
         columns.append((residual(x + offset) - residual(x - offset)) / (2.0 * step))
     return np.array(columns).T
 
 
-def _newton(residual: Residual, x: Vector) -> Vector | None:
+def _newton(residual: Residual, x: Vector, steps: Vector) -> Vector | None:
     """Return a root, inside or outside the limits, or None when the iteration does not get there."""
     r = residual(x)
+    largest = np.array([0.1, 1e4 * steps[1], 0.2, *(1e4 * steps[3:])])
     for _ in range(40):
         norm = float(np.max(np.abs(r)))
-        if norm < _TOLERANCE:
+        if norm < TOLERANCE:
             return x
         try:
-            step = np.linalg.solve(_jacobian(residual, x), -r)
+            step = np.linalg.solve(_jacobian(residual, steps, x), -r)
         except np.linalg.LinAlgError:
             return None
         # Damped: short enough to stay in the tables, and never uphill.
-        step *= min(1.0, 0.1 / float(np.max(np.abs(step[:2])) + 1e-300), 0.2 / (abs(float(step[2])) + 1e-300))
+        step *= min(1.0, 1.0 / float(np.max(np.abs(step) / largest) + 1e-300))
         for _ in range(6):
             trial = residual(x + step)
             if np.max(np.abs(trial)) < norm:
                 break
             step *= 0.5
         else:
-            return None
+            return x if norm < ACCEPTED else None
         x, r = x + step, trial
     return None
 
 
-def _no_trim(residual: Residual, lower: Vector, upper: Vector, outside: Vector | None) -> NoTrimError:
+def _no_trim(problem: _Problem, outside: Vector | None) -> NoTrimError:
     """Say why: which limit a trim would break, or which equation cannot be met and what binds there."""
     from scipy.optimize import least_squares  # slow to import, and only needed here
 
+    lower, upper = problem.low, problem.high
+    margin = 1e-3 * (upper - lower)
     fits = [
         least_squares(
-            residual,
-            np.clip(np.array([a * DEG, e * DEG, t]), lower + 1e-6, upper - 1e-6),
+            problem.residual,
+            np.clip(problem.start(*start), lower + 1e-2 * margin, upper - 1e-2 * margin),
             bounds=(lower, upper),
-            jac=partial(_jacobian, residual),
-            x_scale=[0.1, 0.1, 0.3],
+            jac=partial(_jacobian, problem.residual, problem.steps),
+            x_scale=1e4 * problem.steps,
         )
-        for a, e, t in _STARTS
+        for start in _STARTS
     ]
     best = min(fits, key=lambda fit: float(fit.cost))
     x, r = best.x, best.fun
-    names = ("alpha", "elevator", "throttle")
-    margin = 1e-3 * (upper - lower)
     at_min, at_max = x <= lower + margin, x >= upper - margin
     binding = [
-        f"{n} {'min' if low else 'max'}" for n, low, high in zip(names, at_min, at_max, strict=True) if low or high
+        f"{n} {'min' if low else 'max'}"
+        for n, low, high in zip(problem.names, at_min, at_max, strict=True)
+        if low or high
     ]
     worst = int(np.argmax(np.abs(r)))
     # A trim outside the limits is worth telling only where the bounded search leans on the same limit.
@@ -165,22 +245,31 @@ def _no_trim(residual: Residual, lower: Vector, upper: Vector, outside: Vector |
         []
         if outside is None
         else [
-            f"needs {n} {_show(n, v)}, limit is {_show(n, lo if low else hi)}"
-            for n, v, lo, hi, low, high in zip(names, outside, lower, upper, at_min, at_max, strict=True)
+            f"needs {n} {_show(problem, n, v)}, limit is {_show(problem, n, lo if low else hi)}"
+            for n, v, lo, hi, low, high in zip(problem.names, outside, lower, upper, at_min, at_max, strict=True)
             if (low and v < lo) or (high and v > hi)
         ]
     )
-    nearest = ", ".join(f"{n} {_show(n, v)}" for n, v in zip(names, x, strict=True))
+    nearest = ", ".join(f"{n} {_show(problem, n, v)}" for n, v in zip(problem.names, x, strict=True))
     why = "; ".join(needs) or f"nearest point {nearest}" + (
         f", at the limit of {' and '.join(binding)}" if binding else ""
     )
     return NoTrimError(
         f"{why} (residual {abs(r[worst]):.2g} {_UNITS[worst]} in {_EQUATIONS[worst]})",
-        nearest={"alpha_rad": float(x[0]), "elevator_rad": float(x[1]), "throttle_norm": float(x[2])},
-        residual=dict(zip(_EQUATIONS, map(float, r), strict=True)),
+        nearest={_key(problem, n): float(v) for n, v in zip(problem.names, x, strict=True)},
+        residual=dict(zip(_EQUATIONS, map(float, r), strict=False)),
         binding=binding,
     )
 
 
-def _show(name: str, value: float) -> str:
-    return f"{value:.2f}" if name == "throttle" else f"{value / DEG:.1f} deg"
+def _angle(problem: _Problem, name: str) -> bool:
+    units = {i.name: i.unit for i in problem.airframe.inputs}
+    return units.get(name, "rad") == "rad"
+
+
+def _key(problem: _Problem, name: str) -> str:
+    return f"{name}_rad" if _angle(problem, name) else f"{name}_norm"
+
+
+def _show(problem: _Problem, name: str, value: float) -> str:
+    return f"{value / DEG:.1f} deg" if _angle(problem, name) else f"{value:.2f}"

@@ -1,4 +1,4 @@
-"""How far the linear model is from the nonlinear aircraft: a small elevator doublet through both."""
+"""How far the linear model is from the nonlinear aircraft: small doublets of the surfaces through both."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.aircraft import Aircraft
-from flightbed.linearize import LinearModel
-from flightbed.plant.jsbsim import JsbsimPlant, Start
+from flightbed.linearize import LATERAL, LONGITUDINAL, STATES, LinearModel
+from flightbed.plant.airframe import JsbsimAirframe
+from flightbed.plant.base import Controls
 from flightbed.short_period import zero_order_hold
 from flightbed.units import DEG
 
@@ -31,52 +32,56 @@ class Validation:
 
 
 def validate(
-    aircraft: Aircraft,
+    airframe: JsbsimAirframe,
     model: LinearModel,
     *,
     plant_hz: tuple[int, ...] = (200, 400),
-    amplitude_rad: float = 0.05 * DEG,
+    amplitude: float = 0.05 * DEG,
     duration_s: float = 2.0,
-    cg_shift_cbar: float = 0.0,
-    effectiveness: float = 1.0,
 ) -> tuple[Validation, ...]:
-    """Fly a doublet of the elevator command, one second long, through JSBSim and through the linear model.
+    """Fly doublets, one second long, through JSBSim and through the linear model: of the elevator, then of the rudder.
 
-    The linear model gets the overlay's actuator lag as a further state. From the nonlinear response a flight without the doublet
-    is subtracted: an aircraft that burns fuel does not stay at trim quite. What remains is JSBSim's integration step (the
-    error falls with it) and what is nonlinear at this amplitude.
+    The first is compared in airspeed, alpha, theta, q and altitude, the second in beta, phi, p, r and psi. The overlay's elevator
+    actuator is added to the linear model; a stock aircraft's own actuators and filters are not, and show as a difference. From the
+    nonlinear response a flight without the doublet is subtracted: an aircraft that burns fuel does not stay at trim quite. What
+    remains is JSBSim's integration step (the error falls with it) and what is nonlinear at this amplitude.
+
+    Args:
+        airframe: the condition.
+        model: its full linear model.
+        plant_hz: rates to fly at.
+        amplitude: of the doublets, in the unit of the input.
+        duration_s: of the flights.
+
     """
     trim = model.trim
-    start = Start(
-        trim.altitude_m, trim.airspeed_m_s, trim.alpha_rad, trim.theta_rad, trim.elevator_rad, trim.throttle_norm
-    )
-    n = model.A.shape[0]
-    A, b = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
-    A[:n, :n], A[:n, n] = model.A, model.B[:, 0]
-    A[n, n], b[n] = -aircraft.actuator.lag_rad_s, aircraft.actuator.lag_rad_s
+    inputs = [name for name, _ in model.inputs]
+    if isinstance(airframe.aircraft, Aircraft):
+        model = model.with_actuator("elevator", airframe.aircraft.actuator.lag_rad_s)
+    n = len(model.states)
 
-    def flown(hz: int, size_rad: float) -> Matrix:
-        plant = JsbsimPlant(
-            aircraft, start, control_hz=hz, plant_hz=hz, cg_shift_cbar=cg_shift_cbar, effectiveness=effectiveness
-        )
-        rows = []
+    def flown(hz: int, control: str, size: float) -> Matrix:
+        place = Controls._fields.index(control)
+        commands = []
         for k in range(round(duration_s * hz)):
-            plant.advance(trim.elevator_rad + size_rad * _doublet(k / hz), effectiveness, effectiveness)
-            truth = plant.sense()
-            rows.append([truth.airspeed_m_s, truth.alpha_rad, truth.theta_rad, truth.q_rad_s, truth.altitude_m])
-        return np.array(rows)
+            values = list(trim.controls)
+            values[place] += size * _doublet(k / hz)
+            commands.append(Controls(*values))
+        return airframe.free_flight(trim.motion, trim.controls, commands, hz=hz)
 
     results = []
     for hz in plant_hz:
-        discrete = zero_order_hold(A, b, 1.0 / hz)
-        x, predicted = np.zeros(n + 1), []
-        for k in range(round(duration_s * hz)):
-            x = discrete.A @ x + discrete.b * amplitude_rad * _doublet(k / hz)
-            predicted.append(x[:n].copy())
-        response = flown(hz, amplitude_rad) - flown(hz, 0.0)
-        error = np.max(np.abs(response - np.array(predicted)), axis=0) / np.max(np.abs(response), axis=0)
-        names = [name for name, _ in model.states]
-        results.append(Validation(hz, dict(zip(names, map(float, error), strict=True))))
+        errors: dict[str, float] = {}
+        for control, states in (("elevator", LONGITUDINAL), ("rudder", LATERAL)):
+            discrete = zero_order_hold(model.A, model.B[:, inputs.index(control)], 1.0 / hz)
+            x, predicted = np.zeros(n), []
+            for k in range(round(duration_s * hz)):
+                x = discrete.A @ x + discrete.b * amplitude * _doublet(k / hz)
+                predicted.append(x[: len(STATES)].copy())
+            response = flown(hz, control, amplitude) - flown(hz, control, 0.0)
+            error = np.max(np.abs(response - np.array(predicted)), axis=0) / np.max(np.abs(response), axis=0)
+            errors |= {name: float(error[STATES.index((name, unit))]) for name, unit in states}
+        results.append(Validation(hz, errors))
     return tuple(results)
 
 

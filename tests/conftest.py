@@ -11,7 +11,7 @@ import pytest
 
 from flightbed.aircraft import Aircraft, load_aircraft
 from flightbed.linearize import linearize
-from flightbed.plant.jsbsim import JsbsimAirframe
+from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import trim
 from flightbed.units import FT

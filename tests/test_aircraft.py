@@ -13,7 +13,7 @@ import pytest
 from flightbed import data
 from flightbed.aircraft import Aircraft, load_aircraft
 from flightbed.errors import AircraftError, InputError, UnknownNameError
-from flightbed.plant.jsbsim import _Fdm
+from flightbed.plant.jsbsim import Fdm
 from flightbed.units import DEG
 
 LOADS = [f"forces/fb{axis}-{kind}-lbs" for axis in "xyz" for kind in ("aero", "total")] + [
@@ -59,7 +59,7 @@ def _settle(fdm: jsbsim.FGFDMExec, point: tuple[float, ...]) -> None:
 @pytest.mark.parametrize("point", POINTS)
 def test_full_effectiveness_equals_the_stock_aircraft(f16: Aircraft, point: tuple[float, ...]) -> None:
     """Same deflection, same forces and moments, every one of them, symmetric or not."""
-    stock, ours = _stock(), _Fdm(f16, 0.005).exec
+    stock, ours = _stock(), Fdm(f16, 0.005).exec
     ours["fcs/fbw-override"] = 1
     stock["fcs/elevator-cmd-norm"] = point[7] / 25.0
     _settle(stock, point)
@@ -75,7 +75,7 @@ def test_full_effectiveness_equals_the_stock_aircraft(f16: Aircraft, point: tupl
 
 def test_effectiveness_scales_the_deflection_in_all_three_tables(f16: Aircraft) -> None:
     """K = 0.4 at 10 deg is K = 1 at 4 deg: drag, lift and pitching moment."""
-    weak, healthy = _Fdm(f16, 0.005).exec, _Fdm(f16, 0.005).exec
+    weak, healthy = Fdm(f16, 0.005).exec, Fdm(f16, 0.005).exec
     weak["fcs/elevator-effectiveness"] = 0.4
     weak["fcs/elevator-cmd-rad"], healthy["fcs/elevator-cmd-rad"] = 10 * DEG, 4 * DEG
     for fdm in (weak, healthy):
@@ -87,7 +87,7 @@ def test_effectiveness_scales_the_deflection_in_all_three_tables(f16: Aircraft) 
 
 def test_the_aircraft_has_no_pitch_feedback_of_its_own(f16: Aircraft) -> None:
     """d(elevator)/d(alpha) = d(elevator)/d(q) = 0, settled and in flight."""
-    fdm = _Fdm(f16, 0.005).exec
+    fdm = Fdm(f16, 0.005).exec
     fdm["fcs/elevator-cmd-rad"] = -0.03
     positions = set()
     for alpha in (-5.0, 0.0, 2.0, 12.0, 25.0):
@@ -114,12 +114,12 @@ def test_ailerons_no_longer_push_or_lift(f16: Aircraft) -> None:
         return list(np.abs(np.subtract(*loads)))
 
     assert min(change(_stock())) > 500.0
-    assert max(change(_Fdm(f16, 0.005).exec)) < 1e-6
+    assert max(change(Fdm(f16, 0.005).exec)) < 1e-6
 
 
 def test_cg_shift_makes_it_less_stable(f16: Aircraft) -> None:
     from flightbed.linearize import linearize
-    from flightbed.plant.jsbsim import JsbsimAirframe
+    from flightbed.plant.airframe import JsbsimAirframe
     from flightbed.trim import trim
 
     def m_alpha(shift: float) -> float:
@@ -165,7 +165,7 @@ def test_a_folder_of_the_users_own_works(tmp_path: Path) -> None:
     (own / "aircraft.toml").write_text(text)
     slow = load_aircraft(str(own))
     assert slow.actuator.lag_rad_s == 5.5
-    assert _Fdm(slow, 0.005).getter("fcs/elevator-lag-rad_s")() == 5.5
+    assert Fdm(slow, 0.005).getter("fcs/elevator-lag-rad_s")() == 5.5
     assert slow.sha256 != load_aircraft("f16").sha256
 
 
@@ -189,7 +189,7 @@ def test_mistakes_in_a_copied_folder_are_one_line(tmp_path: Path, file: str, old
     assert old in text
     (own / file).write_text(text.replace(old, new))
     with pytest.raises(AircraftError, match=message) as caught:
-        _Fdm(load_aircraft(str(own)), 0.005)
+        Fdm(load_aircraft(str(own)), 0.005)
     assert "\n" not in str(caught.value)
 
 
@@ -208,7 +208,7 @@ def test_folders_that_are_none_say_so(tmp_path: Path) -> None:
 def test_wings_are_levelled_and_nothing_else(f16: Aircraft) -> None:
     """From 5 deg of bank the wings come level within seconds; at no bank the aileron stays exactly where it is."""
     level = (0.6, 20000, 2.754, 0.0, 0.0, 0.0, 0.0, 0.0, 0.273)  # trimmed, and stable in pitch
-    fdm = _Fdm(f16, 0.005).exec
+    fdm = Fdm(f16, 0.005).exec
     fdm["fcs/elevator-cmd-rad"] = -1.241 * DEG
     _settle(fdm, level)
     assert fdm["fcs/roll-command-norm"] == 0.0

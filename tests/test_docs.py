@@ -46,7 +46,7 @@ def test_the_python_of_the_readme_runs() -> None:
     names: dict[str, Any] = {}
     exec(compile(code, "README.md", "exec"), names)
     assert names["result"].metrics.departed is False
-    assert names["model"].A.shape == (5, 5)
+    assert names["model"].A.shape == (10, 10)
 
 
 def test_the_worked_example_of_linearize_says_what_comes_out(capsys: pytest.CaptureFixture[str]) -> None:

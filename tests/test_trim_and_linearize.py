@@ -12,8 +12,9 @@ import pytest
 from flightbed.aircraft import Aircraft
 from flightbed.errors import NoTrimError
 from flightbed.linearize import LinearModel, linearize
+from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.plant.jsbsim import JsbsimAirframe, _Fdm
+from flightbed.plant.jsbsim import Fdm
 from flightbed.short_period import ShortPeriod, short_period, zero_order_hold
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT
@@ -40,7 +41,7 @@ def _fdm(aircraft: Aircraft, mach: float, altitude_ft: float) -> jsbsim.FGFDMExe
 
     With the lag in, FGLinearization's alpha row of B is wrong: it reads alpha-dot one frame late.
     """
-    wrapper = _Fdm(aircraft, 0.005)
+    wrapper = Fdm(aircraft, 0.005)
     wrapper.configure(altitude_m=altitude_ft * FT, cg_shift_cbar=0.0)
     wrapper.exec["fcs/elevator-lag-rad_s"] = 1e9
     wrapper.exec["ic/mach"] = mach
@@ -62,30 +63,31 @@ def test_trim_against_jsbsims_own(f16: Aircraft, mach: float, altitude_ft: float
 
 @pytest.mark.parametrize(("mach", "altitude_ft"), CONDITIONS)
 def test_model_against_jsbsims_own_linearizer(f16: Aircraft, mach: float, altitude_ft: float) -> None:
-    """All of A and B of the longitudinal motion within 1e-4, relative to the size of an entry's row and column."""
+    """All of A and B within 1e-4, relative to the size of an entry's row and column: ten states, four inputs."""
     point, model = _model(f16, mach, altitude_ft)
     assert model.step_error < 1e-6
     fdm = _fdm(f16, mach, altitude_ft)
     fdm["ic/alpha-rad"], fdm["ic/gamma-rad"] = point.alpha_rad, 0.0
     fdm["fcs/elevator-cmd-norm"] = point.elevator_rad / f16.actuator.max_rad
     fdm["fcs/throttle-cmd-norm"] = point.throttle_norm
+    fdm["fcs/lateral-direct"] = 1.0
     fdm["propulsion/set-running"] = -1
     fdm.set_trim_status(True)
     fdm.run_ic()
     fdm.set_trim_status(False)
     own = jsbsim.FGLinearization(fdm)
     states, inputs = list(own.x_names), list(own.u_names)
-    rows = [states.index(name) for name in ("Vt", "Alpha", "Theta", "Q", "Alt")]
+    rows = [states.index(name) for name in ("Vt", "Alpha", "Theta", "Q", "Alt", "Beta", "Phi", "P", "R", "Psi")]
     columns = [inputs.index(name) for name in ("DeCmd", "ThtlCmd")]
-    si = np.array([FT, 1.0, 1.0, 1.0, FT])  # their speed and altitude are in ft
+    si = np.array([FT, 1.0, 1.0, 1.0, FT, *[1.0] * 5])  # their speed and altitude are in ft
     A = np.array(own.system_matrix)[np.ix_(rows, rows)] * si[:, None] / si
     B = np.array(own.input_matrix)[np.ix_(rows, columns)] * si[:, None]
     B[:, 0] /= f16.actuator.max_rad  # per rad: full command is the stop
     # What a state's typical motion (5 m/s, 0.02 rad, 0.02 rad, 0.05 rad/s, 100 m) does to each rate; 0.02 rad, 0.05 throttle.
-    x, u = np.array([5.0, 0.02, 0.02, 0.05, 100.0]), np.array([0.02, 0.05])
-    size = np.max(np.abs(np.hstack([A * x, B * u])), axis=1, keepdims=True)
+    x, u = np.array([5.0, 0.02, 0.02, 0.05, 100.0, 0.02, 0.02, 0.05, 0.05, 0.02]), np.array([0.02, 0.05])
+    size = np.max(np.abs(np.hstack([A * x, B * u])), axis=1, keepdims=True) + 1e-12
     np.testing.assert_array_less(np.abs(model.A - A) * x / size, 1e-4)
-    np.testing.assert_array_less(np.abs(model.B - B) * u / size, 1e-4)
+    np.testing.assert_array_less(np.abs(model.B[:, :2] - B) * u / size, 1e-4)
     # The short period entry by entry.
     short = np.ix_([1, 3], [1, 3])
     np.testing.assert_allclose(model.A[short], A[short], rtol=1e-4, atol=1e-5)
@@ -96,17 +98,19 @@ def test_model_against_jsbsims_own_linearizer(f16: Aircraft, mach: float, altitu
 def test_model_against_a_least_squares_fit(
     rng: np.random.Generator, f16: Aircraft, mach: float, altitude_ft: float
 ) -> None:
-    """A second differentiator: linear regression over 60 random small motions about the trim point."""
+    """A second differentiator: linear regression over 120 random small motions about the trim point."""
     airframe = JsbsimAirframe(f16, mach=mach, altitude_m=altitude_ft * FT)
     point = trim(airframe)
     model = linearize(airframe, point)
-    size = np.array([0.05, 1e-4, 1e-4, 1e-4, 2.0, 1e-4, 1e-4])
-    offsets = size * rng.uniform(-1, 1, (60, 7))
+    size = np.array([0.015, 3e-5, 3e-5, 3e-5, 0.6, *[3e-5] * 9])  # small: products of two offsets are noise here
+    offsets = size * rng.uniform(-1, 1, (120, 14))
     here = np.array([*point.motion, *point.controls])
-    rates = [airframe.respond(Motion(*x[:5]), Controls(*x[5:])).rates for x in here + offsets]
-    fit, *_ = np.linalg.lstsq(np.column_stack([offsets / size, np.ones(60)]), np.array(rates), rcond=None)
+    rates = [airframe.respond(Motion(*x[:10]), Controls(*x[10:])).rates for x in here + offsets]
+    fit, *_ = np.linalg.lstsq(np.column_stack([offsets / size, np.ones(120)]), np.array(rates), rcond=None)
     J = np.hstack([model.A, model.B]) * size
-    np.testing.assert_allclose(fit[:7].T, J, rtol=0, atol=1e-4 * float(np.max(np.abs(J))))
+    np.testing.assert_allclose(fit[:14].T, J, rtol=0, atol=1e-4 * float(np.max(np.abs(J))))
+    for block in (slice(0, 5), slice(5, 10)):  # each half by its own size
+        np.testing.assert_allclose(fit[:14].T[block], J[block], rtol=0, atol=3e-4 * float(np.max(np.abs(J[block]))))
 
 
 def _envelope() -> list[dict[str, float]]:
@@ -134,8 +138,8 @@ def test_the_main_condition_is_open_loop_unstable(f16: Aircraft, design: ShortPe
     assert max(p.real for p in design.poles) == pytest.approx(0.44, abs=0.005)
     _, model = _model(f16, 0.8, 20000)
     system = model.to_control()
-    assert system.state_labels == ["airspeed", "alpha", "theta", "q", "altitude"]
-    assert system.input_labels == ["elevator", "throttle"]
+    assert system.state_labels == [*["airspeed", "alpha", "theta", "q", "altitude", "beta", "phi", "p", "r", "psi"]]
+    assert system.input_labels == ["elevator", "throttle", "aileron", "rudder"]
     assert np.sort_complex(system.poles()) == pytest.approx(np.sort_complex(model.eigenvalues()))
 
 
@@ -146,7 +150,8 @@ def test_linear_model_predicts_a_small_motion(f16: Aircraft) -> None:
     model = linearize(airframe, point)
     errors = []
     for size in (1.0, 0.5):
-        dx, du = size * np.array([0.5, 0.002, 0.002, 0.002, 5.0]), size * np.array([0.001, 0.002])
+        dx = size * np.array([0.5, 0.002, 0.002, 0.002, 5.0, *[0.002] * 5])
+        du = size * np.array([0.001, 0.002, 0.001, 0.001])
         moved = airframe.respond(
             type(point.motion)(*(np.array(point.motion) + dx)), type(point.controls)(*(np.array(point.controls) + du))
         )
@@ -180,7 +185,7 @@ def test_a_trim_beyond_a_limit_is_named_with_what_it_needs(f16: Aircraft) -> Non
     """Level flight at Mach 0.35, 40,000 ft needs 27.3 deg: with the limit set to 25 the message says so."""
     airframe = JsbsimAirframe(f16, mach=0.35, altitude_m=40000 * FT)
     assert trim(airframe).alpha_rad / DEG == pytest.approx(27.3, abs=0.05)
-    airframe.limits = type(airframe.limits)((-10 * DEG, 25 * DEG), airframe.limits.throttle_norm)
+    airframe.alpha_limits_rad = (-10 * DEG, 25 * DEG)
     with pytest.raises(NoTrimError, match=r"needs alpha 27\.3 deg, limit is 25\.0 deg"):
         trim(airframe)
 

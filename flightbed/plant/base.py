@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, sin
 from typing import NamedTuple, Protocol
 
-from flightbed.aircraft import Actuator, Limits
 from flightbed.signals import Truth
 
 
@@ -23,46 +24,88 @@ class Plant(Protocol):
 
 
 class Motion(NamedTuple):
-    """A symmetric state of motion, wings level. Airspeed m/s, altitude m, the rest rad and rad/s."""
+    """A state of motion of the rigid body. Airspeed m/s, altitude m, the rest rad and rad/s; wings level unless told."""
 
     airspeed_m_s: float
     alpha_rad: float
     theta_rad: float
     q_rad_s: float
     altitude_m: float
+    beta_rad: float = 0.0
+    phi_rad: float = 0.0
+    p_rad_s: float = 0.0
+    r_rad_s: float = 0.0
+    psi_rad: float = 0.0
+
+    @property
+    def climb_m_s(self) -> float:
+        """Rate of climb, m/s."""
+        u = self.airspeed_m_s * cos(self.alpha_rad) * cos(self.beta_rad)
+        v = self.airspeed_m_s * sin(self.beta_rad)
+        w = self.airspeed_m_s * sin(self.alpha_rad) * cos(self.beta_rad)
+        return u * sin(self.theta_rad) - (v * sin(self.phi_rad) + w * cos(self.phi_rad)) * cos(self.theta_rad)
 
 
 class Controls(NamedTuple):
-    """Surface position (not command) and throttle. rad, normalized."""
+    """Controls held: a surface in rad (position, not command) or as a normalized command, as the airframe says; throttle 0 to 1."""
 
-    elevator_rad: float
-    throttle_norm: float
+    elevator: float
+    throttle: float
+    aileron: float = 0.0
+    rudder: float = 0.0
 
 
 class Rates(NamedTuple):
-    """Time derivatives of a motion: m/s^2, rad/s, rad/s, rad/s^2, m/s, in the order of Motion."""
+    """Time derivatives of a motion, in the order of Motion: m/s^2, rad/s, rad/s, rad/s^2, m/s; rad/s, rad/s, rad/s^2 twice, rad/s."""
 
     airspeed: float
     alpha: float
     theta: float
     q: float
     altitude: float
+    beta: float = 0.0
+    phi: float = 0.0
+    p: float = 0.0
+    r: float = 0.0
+    psi: float = 0.0
 
 
 class Response(NamedTuple):
-    """What the equations of motion say at a motion: its derivatives, and the load factor at the c.g. and at the pilot, g."""
+    """What the equations of motion say at a motion: its derivatives, and load factors, g: up at c.g. and pilot, right at the c.g."""
 
     rates: Rates
     nz_g: float
     nz_pilot_g: float
+    ny_g: float = 0.0
+
+
+@dataclass(frozen=True)
+class Input:
+    """A control of an airframe, in the order of Controls.
+
+    Attributes:
+        name: ``"elevator"``, ``"throttle"``, ``"aileron"`` or ``"rudder"``.
+        unit: ``"rad"`` for a surface position, ``"1"`` for a normalized command.
+        low, high: its stops, in that unit.
+        source: what it is, in words.
+
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    source: str
 
 
 class Airframe(Protocol):
-    """The equations of motion of one aircraft at one condition, actuators settled, engine at steady state."""
+    """The equations of motion of one aircraft at one condition, hidden states (actuators, engine) settled."""
 
     name: str
-    actuator: Actuator
-    limits: Limits
+    alpha_limits_rad: tuple[float, float]
+    inputs: tuple[Input, ...]  # in the order of Controls
+    powered: bool  # without an engine trim is a glide
+    throttle_acts: bool  # whether the throttle is an input of the linear model
     airspeed_m_s: float  # of the condition
     altitude_m: float  # of the condition
     mach: float  # of the condition
@@ -71,4 +114,4 @@ class Airframe(Protocol):
         """Return derivatives and load factors at a motion with the controls held there."""
 
     def breakpoints(self, quantity: str) -> Sequence[float]:
-        """Return where the tables and switches over a quantity have kinks: ``"mach"``, ``"alpha"`` or ``"elevator"``."""
+        """Return where tables and switches have kinks: over ``"mach"``, ``"alpha"``, ``"beta"``, ``"altitude"`` or ``"elevator"``."""

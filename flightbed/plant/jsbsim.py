@@ -1,4 +1,4 @@
-"""JSBSim as a plant and as an airframe. The only module that imports jsbsim.
+"""JSBSim as a plant. The only module that imports jsbsim.
 
 What is handled here, because JSBSim does not say: the step must be set before the model is loaded (components copy it);
 hidden states (actuator, kinematics) settle only while the trim flag is set; engines must run before the last run_ic;
@@ -9,10 +9,11 @@ swallows writes; a reused FDM is not bit-identical to a fresh one; one FDM loads
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
-from math import cos, pi, sin
+from math import cos, pi
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -22,21 +23,16 @@ os.environ.setdefault("JSBSIM_DEBUG", "0")  # before the import: the banner is p
 import jsbsim
 
 from flightbed.aircraft import Aircraft
-from flightbed.errors import AircraftError
-from flightbed.plant.base import Controls, Motion, Rates, Response
+from flightbed.errors import AircraftError, UnknownNameError
 from flightbed.signals import Truth
+from flightbed.stock import StockAircraft, engine_names, read_stock
 from flightbed.tables import breakpoints
-from flightbed.units import FT, INCH, KT
+from flightbed.units import FT, INCH
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
 _TURBULENCE_MODEL = 4  # MIL-F-8785C spectra, Tustin-discretized (JSBSim's ttTustin)
 # MIL-F-8785C: above 2000 ft JSBSim's index of the exceedance curve; below 1000 ft the wind at 20 ft, 15, 30 and 45 kt.
 _SEVERITY = MappingProxyType({"light": (3, 25.3), "moderate": (4, 50.6), "severe": (6, 75.9)})
-
-_RESPONSE = (
-    "velocities/u-fps", "velocities/w-fps", "accelerations/udot-ft_sec2", "accelerations/wdot-ft_sec2",
-    "accelerations/qdot-rad_sec2", "accelerations/Nz", "accelerations/n-pilot-z-norm",
-)  # fmt: skip
 
 Getter = Callable[[], float]
 Setter = Callable[[float], object]
@@ -58,58 +54,96 @@ class Start(NamedTuple):
     throttle_norm: float
 
 
-class _Fdm:
+def stock_names() -> tuple[str, ...]:
+    """Return the names of the aircraft that ship with JSBSim."""
+    folder = Path(jsbsim.get_default_root_dir()) / "aircraft"
+    return tuple(sorted(p.name for p in folder.iterdir() if (p / f"{p.name}.xml").is_file()))
+
+
+def stock_aircraft(name: str) -> StockAircraft:
+    """Read what flightbed needs to know of an aircraft that ships with JSBSim. Raises UnknownNameError, AircraftError."""
+    if name not in stock_names():
+        raise UnknownNameError("JSBSim aircraft", name, stock_names())
+    root = Path(jsbsim.get_default_root_dir())
+
+    def engine(file: str) -> bytes:
+        places = (root / "aircraft" / name, root / "aircraft" / name / "Engines", root / "engine")
+        return next(((p / f"{file}.xml").read_bytes() for p in places if (p / f"{file}.xml").is_file()), b"")
+
+    return read_stock(name, (root / "aircraft" / name / f"{name}.xml").read_bytes(), engine)
+
+
+class Fdm:
     """One FGFDMExec with one model loaded, and its properties by name."""
 
-    def __init__(self, aircraft: Aircraft, dt_s: float) -> None:
+    def __init__(self, aircraft: Aircraft | StockAircraft, dt_s: float) -> None:
         root = Path(jsbsim.get_default_root_dir())
         self.exec = jsbsim.FGFDMExec(str(root))
         self.exec.set_debug_level(0)
         self.exec.set_dt(dt_s)  # before the load
-        loaded = self.exec.load_model_with_paths(
-            aircraft.name, str(_model_folder(aircraft)), str(root / "engine"), str(root / "systems")
-        )
+        try:
+            loaded = self.exec.load_model_with_paths(
+                aircraft.name, str(_model_folder(aircraft)), str(root / "engine"), str(root / "systems")
+            )
+        except jsbsim.BaseError as error:
+            reason = " ".join(str(error).split())
+            raise AircraftError(f"aircraft {aircraft.name}: JSBSim cannot load it: {reason}") from None
         if not loaded:
-            raise AircraftError(f"aircraft {aircraft.name}: JSBSim refuses the patched model")
+            which = "stock" if isinstance(aircraft, StockAircraft) else "patched"
+            raise AircraftError(f"aircraft {aircraft.name}: JSBSim refuses the {which} model")
         self._manager = self.exec.get_property_manager()
         # Found at run time instead, a missing property would abort the process.
-        for file, path in aircraft.references():
+        for file, path in () if isinstance(aircraft, StockAircraft) else aircraft.references():
             if self._manager.get_node(path) is None:
                 raise AircraftError(f"aircraft {aircraft.name}: {file} refers to {path}, which JSBSim does not have")
 
+    def has(self, path: str) -> bool:
+        """Tell whether there is such a property."""
+        return self._manager.get_node(path) is not None
+
     def node(self, path: str) -> jsbsim.FGPropertyNode:
+        """Return a property's node. Raises AircraftError if there is none."""
         node = self._manager.get_node(path)
         if node is None:
             raise AircraftError(f"JSBSim has no property {path}")
         return node
 
     def getter(self, path: str) -> Getter:
+        """Return what reads a property."""
         return self.node(path).get_double_value
 
     def setter(self, path: str) -> Setter:
+        """Return what writes a property. Raises AircraftError for one that swallows writes."""
         node = self.node(path)
         if not node.get_attribute(jsbsim.Attribute.WRITE):
             raise AircraftError(f"JSBSim's property {path} is read-only")
         return node.set_double_value
 
     def set(self, path: str, value: float) -> None:
+        """Write a property."""
         self.setter(path)(value)
 
-    def configure(self, *, altitude_m: float, cg_shift_cbar: float) -> None:
+    def configure(self, *, altitude_m: float, cg_shift_cbar: float, gear_up: bool = True) -> None:
         """Clean configuration in free air, engine running, c.g. shifted aft.
 
         The aft c.g. is had by moving the aerodynamic reference point forward: same moments, same weight.
         """
         self.set("ic/terrain-elevation-ft", _TERRAIN_FT)
-        self.set("gear/gear-cmd-norm", 0.0)
-        self.set("gear/gear-pos-norm", 0.0)
+        if gear_up:
+            self.set("gear/gear-cmd-norm", 0.0)
+            self.set("gear/gear-pos-norm", 0.0)
         self.set("ic/h-sl-ft", altitude_m / FT)
         if cg_shift_cbar:
             inches = (
                 self.getter("metrics/aero-rp-x-in")() - cg_shift_cbar * self.getter("metrics/cbarw-ft")() * FT / INCH
             )
             self.set("metrics/aero-rp-x-in", inches)
-        self.set("propulsion/set-running", -1)
+        if self.has("propulsion/set-running"):  # not in a glider
+            self.set("propulsion/set-running", -1)
+
+    def settle_engines(self) -> None:
+        """Run engines and propellers to their steady state, with the aircraft held."""
+        self.exec.get_propulsion().get_steady_state()
 
     def settle(self) -> None:
         """Apply the initial conditions with actuators and kinematics at their targets."""
@@ -128,8 +162,15 @@ def _patched(aircraft: Aircraft) -> bytes:
 
 
 @cache
-def _breakpoints(aircraft: Aircraft, path: str) -> tuple[float, ...]:
-    return breakpoints(_patched(aircraft), path)
+def kinks(aircraft: Aircraft | StockAircraft, path: str) -> tuple[float, ...]:
+    """Return the breakpoints of tables and thresholds of switches over a property, in the aircraft's and its engines' files."""
+    if isinstance(aircraft, StockAircraft):
+        files = [aircraft.file, *aircraft.engine_files]
+    else:
+        engines = Path(jsbsim.get_default_root_dir()) / "engine"
+        model = _patched(aircraft)
+        files = [model, *((engines / f"{name}.xml").read_bytes() for name in engine_names(model))]
+    return tuple(sorted({value for file in files if file for value in breakpoints(file, path)}))
 
 
 @cache
@@ -138,87 +179,20 @@ def _workspace() -> tempfile.TemporaryDirectory[str]:
 
 
 @cache
-def _model_folder(aircraft: Aircraft) -> Path:
-    """Write the patched model where JSBSim can load it; the folder goes with the process."""
-    folder = Path(tempfile.mkdtemp(dir=_workspace().name))
-    (folder / aircraft.name).mkdir()
-    (folder / aircraft.name / f"{aircraft.name}.xml").write_bytes(_patched(aircraft))
-    return folder
+def _model_folder(aircraft: Aircraft | StockAircraft) -> Path:
+    """Write the model where JSBSim can load it; the folder goes with the process.
 
-
-class JsbsimAirframe:
-    """The equations of motion of an aircraft at one condition; an Airframe.
-
-    Exactly one of mach, tas_m_s and cas_m_s gives the airspeed.
-
-    Args:
-        aircraft: the overlay aircraft.
-        mach, tas_m_s, cas_m_s: Mach number, true airspeed, calibrated airspeed (m/s).
-        altitude_m: geometric altitude above sea level, m.
-        cg_shift_cbar: c.g. shift in mean chords, aft positive.
-        effectiveness: share of the elevator's deflection that acts.
-
-    Attributes:
-        mach: Mach number of the condition, however it was given.
-
+    Of a stock aircraft it is a copy, with the systems and engines beside it, that writes no output files.
     """
-
-    def __init__(
-        self,
-        aircraft: Aircraft,
-        *,
-        altitude_m: float,
-        mach: float | None = None,
-        tas_m_s: float | None = None,
-        cas_m_s: float | None = None,
-        cg_shift_cbar: float = 0.0,
-        effectiveness: float = 1.0,
-    ) -> None:
-        given = {"ic/mach": mach, "ic/vt-fps": tas_m_s and tas_m_s / FT, "ic/vc-kts": cas_m_s and cas_m_s / KT}
-        speeds = [(path, value) for path, value in given.items() if value is not None]
-        if len(speeds) != 1:
-            raise TypeError("exactly one of mach, tas_m_s and cas_m_s must be given")
-        self.name, self.actuator, self.limits = aircraft.name, aircraft.actuator, aircraft.limits
-        self._fdm = fdm = _Fdm(aircraft, 1.0 / 200.0)
-        fdm.configure(altitude_m=altitude_m, cg_shift_cbar=cg_shift_cbar)
-        fdm.set(*speeds[0])
-        fdm.set(aircraft.properties["effectiveness"], effectiveness)
-        self.altitude_m, self.effectiveness, self.cg_shift_cbar = altitude_m, effectiveness, cg_shift_cbar
-        self.airspeed_m_s, self.mach = fdm.getter("ic/vt-fps")() * FT, fdm.getter("ic/mach")()
-        self._set_altitude = fdm.setter("ic/h-sl-ft")
-        self._set_airspeed = fdm.setter("ic/vt-fps")
-        self._set_alpha = fdm.setter("ic/alpha-rad")
-        self._set_gamma = fdm.setter("ic/gamma-rad")
-        self._set_q = fdm.setter("ic/q-rad_sec")
-        self._set_elevator = fdm.setter(aircraft.properties["elevator_cmd_rad"])
-        self._set_throttle = fdm.setter(aircraft.properties["throttle_norm"])
-        self._get = [fdm.getter(p) for p in _RESPONSE]
-        self._kinks = {
-            "mach": _breakpoints(aircraft, "velocities/mach"),
-            "alpha": _breakpoints(aircraft, "aero/alpha-rad"),
-            "elevator": _breakpoints(aircraft, "fcs/elevator-eff-rad"),
-        }
-
-    def respond(self, motion: Motion, controls: Controls) -> Response:
-        """Return derivatives and load factors at a motion with the controls held there."""
-        # Order matters: altitude keeps the kind of speed that was set last, alpha keeps the flight path.
-        self._set_altitude(motion.altitude_m / FT)
-        self._set_airspeed(motion.airspeed_m_s / FT)
-        self._set_alpha(motion.alpha_rad)
-        self._set_gamma(motion.theta_rad - motion.alpha_rad)
-        self._set_q(motion.q_rad_s)
-        self._set_elevator(controls.elevator_rad)
-        self._set_throttle(controls.throttle_norm)
-        self._fdm.settle()
-        u, w, udot, wdot, qdot, nz, nz_pilot = (get() for get in self._get)
-        v2 = u * u + w * w
-        climb = motion.airspeed_m_s * sin(motion.theta_rad - motion.alpha_rad)
-        rates = Rates((u * udot + w * wdot) / v2**0.5 * FT, (u * wdot - w * udot) / v2, motion.q_rad_s, qdot, climb)
-        return Response(rates, nz, -nz_pilot)
-
-    def breakpoints(self, quantity: str) -> Sequence[float]:
-        """Return where the tables and switches over a quantity have kinks: ``"mach"``, ``"alpha"`` or ``"elevator"``."""
-        return self._kinks[quantity]
+    folder = Path(tempfile.mkdtemp(dir=_workspace().name))
+    place = folder / aircraft.name
+    if isinstance(aircraft, StockAircraft):
+        shutil.copytree(Path(jsbsim.get_default_root_dir()) / "aircraft" / aircraft.name, place)
+    else:
+        place.mkdir()
+    model = aircraft.silent if isinstance(aircraft, StockAircraft) else _patched(aircraft)
+    (place / f"{aircraft.name}.xml").write_bytes(model)
+    return folder
 
 
 class JsbsimPlant:
@@ -247,7 +221,7 @@ class JsbsimPlant:
         seed: int = 0,
         effectiveness: float = 1.0,
     ) -> None:
-        self._fdm = fdm = _Fdm(aircraft, 1.0 / plant_hz)
+        self._fdm = fdm = Fdm(aircraft, 1.0 / plant_hz)
         self._substeps = plant_hz // control_hz
         self._stops = aircraft.actuator.min_rad, aircraft.actuator.max_rad
         fdm.configure(altitude_m=start.altitude_m, cg_shift_cbar=cg_shift_cbar)

@@ -10,8 +10,9 @@ import pytest
 
 from flightbed.aircraft import Aircraft
 from flightbed.errors import AircraftError
+from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.plant.jsbsim import JsbsimAirframe, JsbsimPlant, Start, _Fdm
+from flightbed.plant.jsbsim import Fdm, JsbsimPlant, Start
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT
 
@@ -99,7 +100,7 @@ def test_sea_level_is_free_air(f16: Aircraft) -> None:
 
 
 def test_missing_and_read_only_properties_are_refused(f16: Aircraft) -> None:
-    fdm = _Fdm(f16, 0.01)
+    fdm = Fdm(f16, 0.01)
     with pytest.raises(AircraftError, match="no property fcs/elevator-comand-rad"):
         fdm.setter("fcs/elevator-comand-rad")
     with pytest.raises(AircraftError, match="accelerations/Nz is read-only"):

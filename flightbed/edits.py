@@ -1,0 +1,105 @@
+"""The edits that an overlay may make to a stock JSBSim model; each raises EditError when the model is not as expected."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from string import Template
+from typing import Any
+
+
+class EditError(Exception):
+    """The stock model does not have what an edit is about."""
+
+
+def filled(edit: Mapping[str, Any], fill: Mapping[str, str]) -> dict[str, Any]:
+    """Return an edit with ``$names`` filled in."""
+    return {key: Template(value).substitute(fill) if isinstance(value, str) else value for key, value in edit.items()}
+
+
+def _section(root: ET.Element, tag: str) -> ET.Element:
+    section = root.find(tag)
+    if section is None:
+        raise EditError(f"the stock model has no <{tag}>")
+    return section
+
+
+def _declare(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    element = ET.Element("property", value=str(edit["value"]))
+    element.text = edit["property"]
+    _section(root, "flight_control").insert(0, element)
+
+
+def _channel(root: ET.Element, name: str) -> tuple[ET.Element, int]:
+    control = _section(root, "flight_control")
+    places = [i for i, c in enumerate(control) if c.tag == "channel" and c.get("name") == name]
+    if len(places) != 1:
+        raise EditError(f"expected one channel {name}, found {len(places)}")
+    return control, places[0]
+
+
+def _replace_channel(root: ET.Element, edit: Mapping[str, Any], snippets: Mapping[str, str]) -> None:
+    control, place = _channel(root, edit["channel"])
+    control[place] = ET.fromstring(snippets[edit["with"]])  # in place: channels run in file order
+
+
+def _insert_channel(root: ET.Element, edit: Mapping[str, Any], snippets: Mapping[str, str]) -> None:
+    control, place = _channel(root, edit["before"])
+    control.insert(place, ET.fromstring(snippets[edit["with"]]))
+
+
+def _rewire_channel(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    control, place = _channel(root, edit["channel"])
+    hits = [
+        e for e in control[place].iter() if (e.text or "").strip() == edit["from"] or e.get("value") == edit["from"]
+    ]
+    if len(hits) != edit["count"]:
+        raise EditError(
+            f"expected {edit['from']} {edit['count']} times in channel {edit['channel']}, found {len(hits)}"
+        )
+    for element in hits:
+        if element.get("value") == edit["from"]:
+            element.set("value", edit["to"])
+        else:
+            element.text = edit["to"]
+
+
+def _rewire(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    rewired = []
+    for function in _section(root, "aerodynamics").iter("function"):
+        for element in function.iter():
+            if (element.text or "").strip() == edit["from"]:
+                element.text = edit["to"]
+                rewired.append(function.get("name"))
+    if sorted(rewired, key=str) != sorted(edit["functions"]):
+        raise EditError(f"expected {edit['from']} in {edit['functions']}, found it in {rewired}")
+
+
+def _remove_functions(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    wanted = set(edit["functions"])
+    for axis in _section(root, "aerodynamics").iter("axis"):
+        for function in [f for f in axis.findall("function") if f.get("name") in wanted]:
+            axis.remove(function)
+            wanted.discard(str(function.get("name")))
+    if wanted:
+        raise EditError(f"no function {', '.join(sorted(wanted))}")
+
+
+def _remove_systems(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    wanted = set(edit["systems"])
+    for system in [s for s in root.findall("system") if s.get("file") in wanted]:
+        root.remove(system)
+        wanted.discard(str(system.get("file")))
+    if wanted:
+        raise EditError(f"no system {', '.join(sorted(wanted))}")
+
+
+EDITS = {
+    "declare": _declare,
+    "replace-channel": _replace_channel,
+    "insert-channel": _insert_channel,
+    "rewire-channel": _rewire_channel,
+    "rewire": _rewire,
+    "remove-functions": _remove_functions,
+    "remove-systems": _remove_systems,
+}

@@ -1,0 +1,269 @@
+"""JSBSim as an airframe: derivatives of any motion, with hidden states settled, and free flight from any motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from math import cos, sin, tan
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed.aircraft import Aircraft
+from flightbed.errors import AircraftError, InputError
+from flightbed.plant.base import Controls, Input, Motion, Rates, Response
+from flightbed.plant.jsbsim import Fdm, kinks
+from flightbed.stock import StockAircraft
+from flightbed.units import DEG, FT, KT
+
+_RESPONSE = (
+    "accelerations/udot-ft_sec2", "accelerations/vdot-ft_sec2", "accelerations/wdot-ft_sec2",
+    "accelerations/pdot-rad_sec2", "accelerations/qdot-rad_sec2", "accelerations/rdot-rad_sec2",
+    "accelerations/Nz", "accelerations/n-pilot-z-norm", "accelerations/Ny",
+)  # fmt: skip
+_MOTION = (
+    "velocities/vt-fps", "aero/alpha-rad", "attitude/theta-rad", "velocities/q-rad_sec", "position/h-sl-ft",
+    "aero/beta-rad", "attitude/phi-rad", "velocities/p-rad_sec", "velocities/r-rad_sec", "attitude/psi-rad",
+)  # fmt: skip
+# In this order: attitude keeps the angle of attack, body velocities keep the attitude.
+_STATE = (
+    "ic/h-sl-ft", "ic/phi-rad", "ic/theta-rad", "ic/psi-true-rad", "ic/u-fps", "ic/v-fps", "ic/w-fps",
+    "ic/p-rad_sec", "ic/q-rad_sec", "ic/r-rad_sec",
+)  # fmt: skip
+_KINKS = {
+    "mach": (("velocities/mach", 1.0),),
+    "alpha": (("aero/alpha-rad", 1.0), ("aero/alpha-deg", DEG)),
+    "beta": (("aero/beta-rad", 1.0), ("aero/beta-deg", DEG)),
+    "altitude": (("atmosphere/density-altitude", FT), ("position/h-sl-ft", FT)),
+}
+_DRY = ("turbine", "rocket")  # engines that JSBSim settles itself while time stands still
+_ELEVATOR, _THROTTLE = "fcs/elevator-cmd-norm", "fcs/throttle-cmd-norm"
+
+Engine = Literal["steady", "frozen"]
+Array = npt.NDArray[np.float64]
+
+
+class JsbsimAirframe:
+    """The equations of motion of an aircraft at one condition; an Airframe.
+
+    Exactly one of mach, tas_m_s and cas_m_s gives the airspeed.
+
+    Args:
+        aircraft: an overlay aircraft, or one of JSBSim's own.
+        mach, tas_m_s, cas_m_s: Mach number, true airspeed, calibrated airspeed (m/s).
+        altitude_m: geometric altitude above sea level, m.
+        cg_shift_cbar: c.g. shift in mean chords, aft positive.
+        effectiveness: share of the elevator's deflection that acts; overlay aircraft only.
+        engine: ``"steady"``: engines and propellers are at the steady state of every motion that is asked about; ``"frozen"``: spool,
+            propeller speed and manifold pressure stay where ``freeze`` left them, and the throttle is not an input.
+
+    Attributes:
+        mach: Mach number of the condition, however it was given.
+        notes: what the inputs, the engine and the control system are, in words.
+
+    Raises:
+        AircraftError: JSBSim cannot load the aircraft, or it has no controls.
+
+    """
+
+    def __init__(
+        self,
+        aircraft: Aircraft | StockAircraft,
+        *,
+        altitude_m: float,
+        mach: float | None = None,
+        tas_m_s: float | None = None,
+        cas_m_s: float | None = None,
+        cg_shift_cbar: float = 0.0,
+        effectiveness: float = 1.0,
+        engine: Engine = "steady",
+    ) -> None:
+        given = {"ic/mach": mach, "ic/vt-fps": tas_m_s and tas_m_s / FT, "ic/vc-kts": cas_m_s and cas_m_s / KT}
+        speeds = [(path, value) for path, value in given.items() if value is not None]
+        if len(speeds) != 1:
+            raise TypeError("exactly one of mach, tas_m_s and cas_m_s must be given")
+        if effectiveness != 1.0 and isinstance(aircraft, StockAircraft):
+            raise InputError(f"{aircraft.name} has no overlay: the effectiveness of its elevator cannot be changed")
+        self.name, self.aircraft, self._engine = aircraft.name, aircraft, engine
+        self.altitude_m, self.effectiveness, self.cg_shift_cbar = altitude_m, effectiveness, cg_shift_cbar
+        kinds = aircraft.engines if isinstance(aircraft, StockAircraft) else ("turbine",)
+        self.powered = bool(kinds)
+        self.throttle_acts = self.powered and engine == "steady"
+        self._settles_engines = any(kind not in _DRY for kind in kinds)
+        # A stock control system differentiates its inputs and feeds accelerations back a frame late: until both have come to rest.
+        self._passes = 4 if isinstance(aircraft, StockAircraft) else 1
+        self._fdm, self._controls = self._load(1.0 / 200.0)
+        fdm = self._fdm
+        fdm.set(*speeds[0])
+        self.airspeed_m_s, self.mach = fdm.getter("ic/vt-fps")() * FT, fdm.getter("ic/mach")()
+        self._set = [fdm.setter(path) for path in _STATE]
+        self._get = [fdm.getter(path) for path in _RESPONSE]
+        self._frozen_throttle: float | None = None
+        self.alpha_limits_rad, self.inputs = self._limits()
+        self._kinks = {
+            name: tuple(sorted({v * factor for path, factor in paths for v in kinks(aircraft, path)}))
+            for name, paths in _KINKS.items()
+        }
+        elevator = "fcs/elevator-eff-rad" if isinstance(aircraft, Aircraft) else _ELEVATOR
+        self._kinks["elevator"] = kinks(aircraft, elevator)
+        position = next((p for p in ("fcs/elevator-pos-rad", "fcs/elevator-pos-deg") if fdm.has(p)), None)
+        self._position = fdm.getter(position) if position else None
+        self._position_unit = DEG if position and position.endswith("deg") else 1.0
+
+    def _load(self, dt_s: float) -> tuple[Fdm, list[list[Callable[[float], object]]]]:
+        """Return a fresh FDM, configured, and for each control the setters that it needs."""
+        aircraft, fdm = self.aircraft, Fdm(self.aircraft, dt_s)
+        if isinstance(aircraft, Aircraft):
+            fdm.configure(altitude_m=self.altitude_m, cg_shift_cbar=self.cg_shift_cbar)
+            names = aircraft.properties
+            fdm.set(names["effectiveness"], self.effectiveness)
+            paths = [[names["elevator_cmd_rad"]], [names["throttle_norm"]]]
+            if aircraft.lateral:
+                fdm.set(names["lateral_direct"], 1.0)
+                paths += [[names["aileron_cmd_rad"]], [names["rudder_cmd_rad"]]]
+        else:
+            count = len(aircraft.engines)
+            for i in range(count):  # before the engines are started
+                for name in ("mixture", "advance"):
+                    if fdm.has(path := _indexed(f"fcs/{name}-cmd-norm", i)):
+                        fdm.set(path, 1.0)
+            fdm.configure(altitude_m=self.altitude_m, cg_shift_cbar=self.cg_shift_cbar, gear_up=aircraft.retractable)
+            throttles = [_indexed(_THROTTLE, i) for i in range(count)]
+            paths = [[_ELEVATOR], [p for p in throttles if fdm.has(p)]]
+        if len(paths) == 2:
+            paths += [["fcs/aileron-cmd-norm"], ["fcs/rudder-cmd-norm"]]
+        for path in (path for group in paths for path in group):
+            if not fdm.has(path):
+                raise AircraftError(
+                    f"aircraft {aircraft.name}: has no {path}: it cannot be controlled like an airplane"
+                )
+        return fdm, [[fdm.setter(path) for path in group] for group in paths]
+
+    def _limits(self) -> tuple[tuple[float, float], tuple[Input, ...]]:
+        aircraft = self.aircraft
+        command = "normalized command; the aircraft's own control system is inside"
+        if isinstance(aircraft, StockAircraft):
+            names = ("elevator", "throttle", "aileron", "rudder")
+            lows = (-1.0, 0.0, -1.0, -1.0)
+            inputs = tuple(
+                Input(n, "1", low, 1.0, command if n != "throttle" else "normalized command, all engines alike")
+                for n, low in zip(names, lows, strict=True)
+            )
+            return (-10.0 * DEG, 25.0 * DEG), inputs
+        surface = "surface position; the actuator is not part of the model"
+        actuator, (low, high) = aircraft.actuator, aircraft.limits.throttle_norm
+        lateral = [
+            Input(name, "rad", *aircraft.lateral[name], "surface position; the stock control law is out")
+            if aircraft.lateral
+            else Input(name, "1", -1.0, 1.0, command)
+            for name in ("aileron", "rudder")
+        ]
+        return aircraft.limits.alpha_rad, (
+            Input("elevator", "rad", actuator.min_rad, actuator.max_rad, surface),
+            Input("throttle", "1", low, high, "normalized command"),
+            *lateral,
+        )
+
+    @property
+    def notes(self) -> dict[str, str]:
+        """What the inputs, the engine and the control system are."""
+        engine = {
+            "steady": "at the steady state of every motion: spool, propeller speed and manifold pressure follow at once",
+            "frozen": "held as trimmed: thrust changes with speed and height alone, the throttle is not an input",
+        }[self._engine]
+        inputs = {i.name: i.source for i in self.inputs if i.name != "throttle" or self.throttle_acts}
+        if isinstance(self.aircraft, StockAircraft):
+            control = "the aircraft's own, inside; lags and actuators settled, integrators held"
+        elif self.aircraft.lateral:
+            control = "none in pitch, roll and yaw; speed and altitude are free"
+        else:
+            control = "none in pitch; the stock laws in roll and yaw, settled, integrators held"
+        return inputs | {"engine": engine if self.powered else "none", "control_system": control}
+
+    def freeze(self, motion: Motion, controls: Controls) -> None:
+        """Hold the engine, from now on, as it is in this motion."""
+        self._frozen_throttle = None
+        self.respond(motion, controls)
+        if self._engine == "frozen":
+            self._frozen_throttle = controls.throttle
+
+    def respond(self, motion: Motion, controls: Controls) -> Response:
+        """Return derivatives and load factors at a motion with the controls held there."""
+        v, alpha, theta, q, altitude, beta, phi, p, r, psi = motion
+        ca, sa, cb, sb = cos(alpha), sin(alpha), cos(beta), sin(beta)
+        u, side, w = v * ca * cb, v * sb, v * sa * cb
+        ct, st, cp, sp = cos(theta), sin(theta), cos(phi), sin(phi)
+        state = (altitude / FT, phi, theta, psi, u / FT, side / FT, w / FT, p, q, r)
+        for put, value in zip(self._set, state, strict=True):
+            put(value)
+        self._command(controls)
+        for _ in range(self._passes):
+            self._fdm.settle()
+        if self._settles_engines and self._frozen_throttle is None:
+            self._fdm.settle_engines()
+            self._fdm.settle()
+        udot, vdot, wdot, pdot, qdot, rdot, nz, nz_pilot, ny = [get() for get in self._get]
+        plane = u * udot + w * wdot
+        speed2 = u * u + w * w
+        turn = q * sp + r * cp
+        rates = Rates(
+            (plane + side * vdot) / v * FT,
+            (u * wdot - w * udot) / speed2 * FT,
+            q * cp - r * sp,
+            qdot,
+            u * st - (side * sp + w * cp) * ct,
+            (vdot * speed2 - side * plane) / (v * v * speed2**0.5) * FT,
+            p + tan(theta) * turn,
+            pdot,
+            rdot,
+            turn / ct,
+        )
+        return Response(rates, nz, -nz_pilot, ny)
+
+    def _command(self, controls: Controls) -> None:
+        throttle = controls.throttle if self._frozen_throttle is None else self._frozen_throttle
+        elevator, throttles, *lateral = self._controls
+        elevator[0](controls.elevator)
+        for put in throttles:
+            put(throttle)
+        for group, value in zip(lateral, controls[2:], strict=True):
+            group[0](value)
+
+    def breakpoints(self, quantity: str) -> Sequence[float]:
+        """Return where tables and switches have kinks: over ``"mach"``, ``"alpha"``, ``"beta"``, ``"altitude"`` or ``"elevator"``."""
+        return self._kinks[quantity]
+
+    def elevator_position_rad(self, motion: Motion, controls: Controls) -> float | None:
+        """Return the surface position at a motion; None where JSBSim does not tell."""
+        if self._position is None:
+            return None
+        self.respond(motion, controls)
+        return self._position() * self._position_unit
+
+    def free_flight(self, motion: Motion, controls: Controls, commands: Iterable[Controls], *, hz: int) -> Array:
+        """Fly from a motion on a fresh FDM, actuators settled at ``controls``, then command.
+
+        The commands go through the aircraft's own actuators, where it has them. Returns one row of ten states (order of Motion) for
+        each command, after it was held for 1/hz s.
+        """
+        here = JsbsimAirframe.__new__(JsbsimAirframe)
+        here.__dict__.update(self.__dict__)
+        here._fdm, here._controls = self._load(1.0 / hz)
+        here._set = [here._fdm.setter(path) for path in _STATE]
+        here._get = [here._fdm.getter(path) for path in _RESPONSE]
+        read = [here._fdm.getter(path) for path in _MOTION]
+        run, rows = here._fdm.exec.run, []
+        here._frozen_throttle = None
+        here.respond(motion, controls)
+        for command in commands:
+            here._command(command)
+            run()
+            rows.append([get() for get in read])
+        flown = np.array(rows)
+        flown[:, [0, 4]] *= FT
+        flown[:, 9] = np.unwrap(flown[:, 9]) - (2.0 * np.pi if flown[0, 9] > np.pi else 0.0)
+        return flown
+
+
+def _indexed(path: str, i: int) -> str:
+    return path if i == 0 else f"{path}[{i}]"

@@ -1,0 +1,63 @@
+"""What flightbed needs to know of an aircraft that ships with JSBSim and is used as it is, without an overlay."""
+
+from __future__ import annotations
+
+import hashlib
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from flightbed.errors import AircraftError
+
+
+@dataclass(frozen=True)
+class StockAircraft:
+    """An aircraft as JSBSim ships it: its own control system is inside, controls are normalized commands.
+
+    Attributes:
+        name: its folder in the jsbsim package.
+        file: the aircraft file.
+        engine_files: the files of its engines; empty bytes for one that was not found.
+        engines: the kinds of them, ``"turbine"``, ``"piston"``, ``"turboprop"``, ``"rocket"``, ``"electric"``, ...
+        retractable: whether a leg of the landing gear can be retracted.
+
+    """
+
+    name: str
+    file: bytes
+    engine_files: tuple[bytes, ...]
+    engines: tuple[str, ...]
+    retractable: bool
+
+    @property
+    def silent(self) -> bytes:
+        """The aircraft file without its output elements: JSBSim would write files."""
+        root = ET.fromstring(self.file)
+        for output in root.findall("output"):
+            root.remove(output)
+        return ET.tostring(root, encoding="unicode").encode()
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the files."""
+        return hashlib.sha256(b"".join((self.file, *self.engine_files))).hexdigest()
+
+
+def engine_names(model: bytes) -> list[str]:
+    """Return the names of the engine files that an aircraft file refers to, one for each engine."""
+    propulsion = ET.fromstring(model).find("propulsion")
+    return [] if propulsion is None else [e.get("file", "") for e in propulsion.findall("engine")]
+
+
+def read_stock(name: str, model: bytes, engine: Callable[[str], bytes]) -> StockAircraft:
+    """Read an aircraft file. Raises AircraftError for one that is no aircraft."""
+    try:
+        root = ET.fromstring(model)
+        files = tuple(engine(file) for file in engine_names(model))
+        kinds = tuple(ET.fromstring(file).tag.removesuffix("_engine") if file else "unknown" for file in files)
+    except ET.ParseError as error:
+        raise AircraftError(f"aircraft {name}: not readable: {error}") from None
+    if root.find("aerodynamics") is None or root.find("metrics/wingarea") is None:
+        raise AircraftError(f"aircraft {name}: has no wing area and aerodynamics: nothing to trim")
+    retractable = any((e.text or "").strip() not in ("", "0") for e in root.iter("retractable"))
+    return StockAircraft(name, model, files, kinds, retractable)
