@@ -78,7 +78,7 @@ def document(
     model, design, qualities = chosen(point, part=part, actuator=actuator), point.design, point.qualities
     held = zero_order_hold(model.A, model.B, 1.0 / control_hz)
     inputs = [name for name, _ in model.inputs]
-    sources = {k: v for k, v in point.airframe.notes.items() if k in (*inputs, "engine", "control_system")}
+    sources = {k: v for k, v in point.airframe.notes.items() if k in (*inputs, "engine", "control_system", "absent")}
     if actuator:
         sources["elevator_cmd"] = (
             "command; the actuator's first-order lag is a state, its rate limit is not in the model"

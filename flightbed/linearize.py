@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import asin
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -183,49 +183,80 @@ def linearize(airframe: Airframe, trim: TrimPoint) -> LinearModel:
         x = (point + offset).tolist()
         motion = Motion(*x[:n])
         rates, nz, nz_pilot, ny = airframe.respond(motion, Controls(*x[n:]))
-        return [*rates, *x[:n], nz, nz_pilot, ny, asin(motion.climb_m_s / motion.airspeed_m_s)]
+        return [*rates, nz, nz_pilot, ny, asin(motion.climb_m_s / motion.airspeed_m_s)]
 
-    # Stencil of each variable: -h, -h/2, 0, h/2, h.
-    centre = values(np.zeros_like(point))
-    stencil = np.empty((5, len(centre), len(point)))
-    for j, offsets in enumerate(np.diag(steps)):
-        for i, share in enumerate((-1.0, -0.5, 0.0, 0.5, 1.0)):
-            stencil[i, :, j] = values(share * offsets) if share else centre
-    minus, half_minus, _, half_plus, plus = stencil
-    coarse = (plus - minus) / (2.0 * steps)
-    J = (4.0 * (half_plus - half_minus) / steps - coarse) / 3.0
-    # Slopes over the four parts of the stencil. A jump spoils one of them: of the two on a side the one nearer to the median
-    # of all is the slope of that side.
-    slopes = np.diff(stencil, axis=0) / (steps / 2.0)
-    off = np.abs(slopes - np.median(slopes, axis=0))
-    below = np.where(off[0] < off[1], slopes[0], slopes[1])
-    above = np.where(off[3] < off[2], slopes[3], slopes[2])
-    mean = (above + below) / 2.0
-    size = np.max(np.abs(mean) * steps, axis=1, keepdims=True) / steps + 1e-12  # row, in each column's unit
-    # Round-off of the row itself is no kink.
-    floor = 1e-11 * (np.abs(np.array(centre))[:, None] + 1.0) / steps
-    jumps = np.abs(J - mean) > _KINK * size + floor
-    sharp = jumps | (np.abs(above - below) > _KINK * size + floor)
-    heights = np.where(jumps, plus - minus - 2.0 * mean * steps, 0.0)
+    slopes = _differentiate(values, steps)
     columns = (*STATES, *inputs)
     kinks = tuple(
-        Kink(_row(i), columns[j][0], below[i, j], above[i, j], heights[i, j], _where(airframe, trim, columns[j][0]))
-        for i, j in np.argwhere(sharp)
+        Kink(_row(i), columns[j][0], below, above, jump, _where(airframe, trim, columns[j][0]))
+        for i, j, below, above, jump in slopes.sharp
     )
-    error = float(np.max(np.where(sharp, 0.0, np.abs(J - coarse) / size)))
-    J = np.where(sharp, mean, J)
-    again = np.abs(np.array(values(np.zeros_like(point))) - centre)
-    moved = np.max(np.abs(mean) * steps, axis=1)
-    drift = float(np.max(np.where(moved > 1e-9, again / np.maximum(moved, 1e-9), 0.0)))
+    J = slopes.J
     acting = [i for i, (name, _) in enumerate(inputs) if name != "throttle" or airframe.throttle_acts]
-    B, D = J[:n, n:][:, acting], J[n:, n:][:, acting]
+    B = J[:n, n:][:, acting]
+    C, D = np.vstack([np.eye(n), J[n:, :n]]), np.vstack([np.zeros((n, len(acting))), J[n:, n:][:, acting]])
     inputs = tuple(inputs[i] for i in acting)
-    return LinearModel(STATES, inputs, (*STATES, *LOADS), J[:n, :n], B, J[n:, :n], D, trim, error, kinks, drift)
+    return LinearModel(STATES, inputs, (*STATES, *LOADS), J[:n, :n], B, C, D, trim, slopes.error, kinks, slopes.drift)
+
+
+class _Slopes(NamedTuple):
+    """Derivatives (rows, variables), their step error and drift as in LinearModel, and (row, variable, below, above, jump) of kinks."""
+
+    J: Matrix
+    error: float
+    drift: float
+    sharp: list[tuple[int, int, float, float, float]]
+
+
+def _differentiate(values: Callable[[Matrix], list[float]], steps: Matrix) -> _Slopes:
+    """Differentiate a function of offsets at 0.
+
+    Stencil of each variable: -h, -h/2, 0, h/2, h. The point at -h/2 is computed only where the one at h/2 does not lie on the
+    parabola of the other three: elsewhere it is where the cubic through the four has it, and there is no kink.
+    """
+    offsets = np.diag(steps)
+    centre = np.array(values(np.zeros_like(steps)))
+    minus, plus, half_plus = (np.array([values(share * h) for h in offsets]).T for share in (-1.0, 1.0, 0.5))
+    here = centre[:, None]
+    off_parabola = half_plus - (0.375 * plus + 0.75 * here - 0.125 * minus)
+    half_minus = 0.375 * minus + 0.75 * here - 0.125 * plus - off_parabola
+    rise = plus - minus
+    floor = 1e-11 * (np.abs(here) + 1.0)  # round-off of the row itself
+    reach = np.max(np.abs(rise), axis=1, keepdims=True) / 2.0
+    doubtful = np.flatnonzero(np.any(np.abs(off_parabola) > 1e-5 * reach + floor, axis=0))
+    for j in doubtful:
+        half_minus[:, j] = values(-0.5 * offsets[j])
+    coarse = rise / (2.0 * steps)
+    J = (4.0 * (half_plus - half_minus) / steps - coarse) / 3.0
+    sharp = []
+    smooth = np.ones(J.shape, dtype=bool)
+    if doubtful.size:
+        # Slopes over the four parts of the stencil. A jump spoils one of them: of the two on a side the one nearer to the
+        # median of all is the slope of that side.
+        stencil = np.stack([minus, half_minus, np.broadcast_to(here, plus.shape), half_plus, plus])
+        parts = np.diff(stencil, axis=0) / (steps / 2.0)
+        off = np.abs(parts - np.median(parts, axis=0))
+        below = np.where(off[0] < off[1], parts[0], parts[1])
+        above = np.where(off[3] < off[2], parts[3], parts[2])
+        mean = (above + below) / 2.0
+        reach = np.max(np.abs(mean) * steps, axis=1, keepdims=True)  # without the jumps
+        jumps = np.abs(J - mean) * steps > _KINK * reach + floor
+        smooth = ~(jumps | (np.abs(above - below) * steps > _KINK * reach + floor))
+        heights = np.where(jumps, rise - 2.0 * mean * steps, 0.0)
+        sharp = [
+            (int(i), int(j), float(below[i, j]), float(above[i, j]), float(heights[i, j]))
+            for i, j in np.argwhere(~smooth)
+        ]
+        J = np.where(smooth, J, mean)
+    error = float(np.max(np.where(smooth, np.abs(J - coarse) * steps, 0.0) / (reach + 1e-12 * steps)))
+    again = np.abs(np.array(values(np.zeros_like(steps))) - centre)
+    drift = float(np.max(again / np.maximum(reach[:, 0], 1e-9)))
+    return _Slopes(J, error, drift, sharp)
 
 
 def _row(i: int) -> str:
     n = len(STATES)
-    return f"{STATES[i][0]}'" if i < n else (*STATES, *LOADS)[i - n][0]
+    return f"{STATES[i][0]}'" if i < n else LOADS[i - n][0]
 
 
 def _where(airframe: Airframe, trim: TrimPoint, column: str) -> str:

@@ -43,7 +43,8 @@ def model_table(point: Point, document: Mapping[str, Any]) -> str:
         if q.cap is None
         else (f"CAP {q.cap:.3g}, zeta {q.zeta:.2f}: " + (f"level {q.level}" if q.level else "below level 3"))
     )
-    lines += ["", f"short period, MIL-F-8785C category A: n/alpha {q.n_alpha_g_rad:.3g} g/rad, {rating}"]
+    rated = f"n/alpha {q.n_alpha_g_rad:.3g} g/rad, {rating}"
+    lines += ["", *_wrapped("short period, MIL-F-8785C category A: ", rated.split(" "), " ")]
     enough = point.authority
     hold = (
         "no unstable short period"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from flightbed.errors import AircraftError
@@ -31,16 +32,34 @@ class StockAircraft:
 
     @property
     def silent(self) -> bytes:
-        """The aircraft file without its output elements: JSBSim would write files."""
+        """The aircraft file without its output and input elements: JSBSim would write files and open sockets."""
         root = ET.fromstring(self.file)
-        for output in root.findall("output"):
-            root.remove(output)
+        for element in root.findall("output") + root.findall("input"):
+            root.remove(element)
         return ET.tostring(root, encoding="unicode").encode()
 
     @property
     def sha256(self) -> str:
         """Hash of the files."""
         return hashlib.sha256(b"".join((self.file, *self.engine_files))).hexdigest()
+
+
+_PATH = re.compile(r"-?(/?[a-z][\w-]*(?:/[A-Za-z_][\w-]*(?:\[\d+\])?)+)")
+
+
+def references(files: Iterable[bytes]) -> set[str]:
+    """Return every property that model files refer to, as far as it is written out in full."""
+    found = set()
+    for file in files:
+        try:
+            elements = list(ET.fromstring(file).iter())
+        except ET.ParseError:  # not a model file
+            continue
+        for element in elements:
+            if element.tag in ("description", "note", "license", "reference", "limitation", "author", "documentation"):
+                continue
+            found |= {m[1] for word in (element.text or "").split() if (m := _PATH.fullmatch(word))}
+    return found
 
 
 def engine_names(model: bytes) -> list[str]:

@@ -53,9 +53,11 @@ class Query:
     def __str__(self) -> str:
         """In words, for messages."""
         name, value = self.speed
-        words = {"mach": f"Mach {value:.2f}", "tas_fps": f"{value:g} ft/s true", "cas_kt": f"{value:g} kt calibrated"}[
-            name
-        ]
+        words = {
+            "mach": f"Mach {value:.2f}" if round(value, 2) == value else f"Mach {value:g}",
+            "tas_fps": f"{value:g} ft/s true",
+            "cas_kt": f"{value:g} kt calibrated",
+        }[name]
         more = "" if self.load_factor is None else f", load factor {self.load_factor:g}"
         more += f", bank {self.bank_deg:g} deg" if self.bank_deg else ""
         return f"{words}, {self.altitude_ft:.0f} ft{more}"
@@ -135,18 +137,19 @@ def airframe_at(aircraft: Aircraft | StockAircraft, query: Query) -> JsbsimAirfr
                           effectiveness=query.effectiveness, engine=query.engine, **speed)  # fmt: skip
 
 
-def _trimmed(aircraft: Aircraft | StockAircraft, query: Query) -> tuple[JsbsimAirframe, TrimPoint]:
-    airframe = airframe_at(aircraft, query)
+def _trim(airframe: JsbsimAirframe, query: Query) -> TrimPoint:
     gamma, bank = query.gamma_deg * DEG, query.bank_deg * DEG
-    return airframe, trim(airframe, gamma_rad=gamma, load_factor=query.load_factor, bank_rad=bank)
+    return trim(airframe, gamma_rad=gamma, load_factor=query.load_factor, bank_rad=bank)
 
 
 def trim_at(aircraft: Aircraft | StockAircraft, query: Query) -> tuple[JsbsimAirframe, TrimPoint]:
     """Trim at a condition. Raises InputError, NoTrimError."""
+    airframe = airframe_at(aircraft, query)
     try:
-        return _trimmed(aircraft, query)
+        return airframe, _trim(airframe, query)
     except NoTrimError as error:
-        error.args = (f"no trim at {query}: {error}",)
+        doubt = airframe.doubt()
+        error.args = (f"no trim at {query}: {error}{f'; {doubt}' if doubt else ''}",)
         raise
 
 
@@ -164,7 +167,8 @@ def nearest_feasible(aircraft: Aircraft | StockAircraft, query: Query) -> dict[s
     def feasible(name: str, value: float) -> bool:
         try:
             moved: dict[str, Any] = {name: value}
-            _trimmed(aircraft, replace(query, **moved))
+            there = replace(query, **moved)
+            _trim(airframe_at(aircraft, there), there)
         except (NoTrimError, InputError):
             return False
         return True

@@ -154,7 +154,7 @@ def _progress(queries: Sequence[Query]) -> Iterator[Query]:
 
 
 _WORDS = {
-    "mach": "Mach {:.3f}", "tas_fps": "{:.1f} ft/s true", "cas_kt": "{:.1f} kt calibrated", "altitude_ft": "{:.0f} ft",
+    "mach": "Mach {:.4f}", "tas_fps": "{:.1f} ft/s true", "cas_kt": "{:.1f} kt calibrated", "altitude_ft": "{:.0f} ft",
     "load_factor": "{:.3f} g", "bank_deg": "{:.1f} deg of bank",
 }  # fmt: skip
 

@@ -118,7 +118,11 @@ def trim(
             worst = float(np.max(np.abs(problem.residual(x))))
             return TrimPoint(*problem.point(x), worst)
         outside = x
-    raise _no_trim(problem, outside)
+    best, at = _search(problem)
+    x = _newton(problem.residual, best, problem.steps)
+    if x is not None and np.all((problem.low <= x) & (x <= problem.high)):
+        return TrimPoint(*problem.point(x), float(np.max(np.abs(problem.residual(x)))))
+    raise _no_trim(problem, best, at, outside)
 
 
 class _Problem:
@@ -215,16 +219,18 @@ def _newton(residual: Residual, x: Vector, steps: Vector) -> Vector | None:
     return None
 
 
-def _no_trim(problem: _Problem, outside: Vector | None) -> NoTrimError:
-    """Say why: which limit a trim would break, or which equation cannot be met and what binds there."""
+def _search(problem: _Problem) -> tuple[Vector, Vector]:
+    """Return the point within the limits whose residuals are least in the mean square, and its residuals."""
     from scipy.optimize import least_squares  # slow to import, and only needed here
 
     lower, upper = problem.low, problem.high
-    margin = 1e-3 * (upper - lower)
+    inside = 1e-5 * (upper - lower)
+    if not np.all(np.isfinite(problem.residual(problem.start(*_STARTS[0])))):
+        return problem.start(*_STARTS[0]), problem.residual(problem.start(*_STARTS[0]))
     fits = [
         least_squares(
             problem.residual,
-            np.clip(problem.start(*start), lower + 1e-2 * margin, upper - 1e-2 * margin),
+            np.clip(problem.start(*start), lower + inside, upper - inside),
             bounds=(lower, upper),
             jac=partial(_jacobian, problem.residual, problem.steps),
             x_scale=1e4 * problem.steps,
@@ -232,7 +238,13 @@ def _no_trim(problem: _Problem, outside: Vector | None) -> NoTrimError:
         for start in _STARTS
     ]
     best = min(fits, key=lambda fit: float(fit.cost))
-    x, r = best.x, best.fun
+    return np.asarray(best.x), np.asarray(best.fun)
+
+
+def _no_trim(problem: _Problem, x: Vector, r: Vector, outside: Vector | None) -> NoTrimError:
+    """Say why: which limit a trim would break, or which equation cannot be met and what binds there."""
+    lower, upper = problem.low, problem.high
+    margin = 1e-3 * (upper - lower)
     at_min, at_max = x <= lower + margin, x >= upper - margin
     binding = [
         f"{n} {'min' if low else 'max'}"
@@ -251,9 +263,11 @@ def _no_trim(problem: _Problem, outside: Vector | None) -> NoTrimError:
         ]
     )
     nearest = ", ".join(f"{n} {_show(problem, n, v)}" for n, v in zip(problem.names, x, strict=True))
+    jumps = [] if binding else [v for v in problem.airframe.breakpoints("alpha") if abs(v - x[0]) < 2e-3 * DEG]
     why = "; ".join(needs) or f"nearest point {nearest}" + (
         f", at the limit of {' and '.join(binding)}" if binding else ""
     )
+    why += f", where the forces jump at alpha {jumps[0] / DEG:.3g} deg: none lies between" if jumps else ""
     return NoTrimError(
         f"{why} (residual {abs(r[worst]):.2g} {_UNITS[worst]} in {_EQUATIONS[worst]})",
         nearest={_key(problem, n): float(v) for n, v in zip(problem.names, x, strict=True)},

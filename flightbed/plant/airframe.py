@@ -178,7 +178,8 @@ class JsbsimAirframe:
             control = "none in pitch, roll and yaw; speed and altitude are free"
         else:
             control = "none in pitch; the stock laws in roll and yaw, settled, integrators held"
-        return inputs | {"engine": engine if self.powered else "none", "control_system": control}
+        absent = {"absent": f"0 stands for {', '.join(self._fdm.absent)}"} if self._fdm.absent else {}
+        return inputs | {"engine": engine if self.powered else "none", "control_system": control} | absent
 
     def freeze(self, motion: Motion, controls: Controls) -> None:
         """Hold the engine, from now on, as it is in this motion."""
@@ -239,6 +240,20 @@ class JsbsimAirframe:
             return None
         self.respond(motion, controls)
         return self._position() * self._position_unit
+
+    def doubt(self) -> str:
+        """Say what is wrong with the engines of a stock aircraft, when that is why it cannot be trimmed; empty if nothing is."""
+        aircraft = self.aircraft
+        if not (isinstance(aircraft, StockAircraft) and self._settles_engines):
+            return ""
+        v = self.airspeed_m_s
+        self.respond(Motion(v, 0.03, 0.03, 0.0, self.altitude_m), Controls(0.0, 1.0))
+        stopped = len(aircraft.engines) - self._fdm.engines_running(len(aircraft.engines))
+        return (
+            f"{stopped} of {len(aircraft.engines)} engines do not run when JSBSim starts them and looks for their steady state"
+            if stopped
+            else ""
+        )
 
     def free_flight(self, motion: Motion, controls: Controls, commands: Iterable[Controls], *, hz: int) -> Array:
         """Fly from a motion on a fresh FDM, actuators settled at ``controls``, then command.

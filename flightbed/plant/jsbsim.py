@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
+import threading
 from collections.abc import Callable
 from functools import cache
 from math import cos, pi
@@ -25,7 +26,7 @@ import jsbsim
 from flightbed.aircraft import Aircraft
 from flightbed.errors import AircraftError, UnknownNameError
 from flightbed.signals import Truth
-from flightbed.stock import StockAircraft, engine_names, read_stock
+from flightbed.stock import StockAircraft, engine_names, read_stock, references
 from flightbed.tables import breakpoints
 from flightbed.units import FT, INCH
 
@@ -33,6 +34,21 @@ _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at
 _TURBULENCE_MODEL = 4  # MIL-F-8785C spectra, Tustin-discretized (JSBSim's ttTustin)
 # MIL-F-8785C: above 2000 ft JSBSim's index of the exceedance curve; below 1000 ft the wind at 20 ft, 15, 30 and 45 kt.
 _SEVERITY = MappingProxyType({"light": (3, 25.3), "moderate": (4, 50.6), "severe": (6, 75.9)})
+
+
+class _Silent(jsbsim.DefaultLogger):
+    """Drops what JSBSim would print; what matters comes as an exception or a return value."""
+
+    def file_location(self, filename: str, line: int) -> None:
+        """Drop it."""
+
+    def message(self, message: str) -> None:
+        """Drop it."""
+
+
+# JSBSim keeps one logger a thread, and one set in a worker thread brings the process down when that thread ends.
+if threading.current_thread() is threading.main_thread():
+    jsbsim.set_logger(_Silent())
 
 Getter = Callable[[], float]
 Setter = Callable[[float], object]
@@ -92,7 +108,14 @@ class Fdm:
             which = "stock" if isinstance(aircraft, StockAircraft) else "patched"
             raise AircraftError(f"aircraft {aircraft.name}: JSBSim refuses the {which} model")
         self._manager = self.exec.get_property_manager()
-        # Found at run time instead, a missing property would abort the process.
+        # Found at run time instead, a missing property would abort the process. A stock aircraft may count on those of a simulator
+        # around it: they are 0 here.
+        self.absent: tuple[str, ...] = ()
+        if isinstance(aircraft, StockAircraft):
+            files = [file.read_bytes() for file in sorted((_model_folder(aircraft) / aircraft.name).rglob("*.xml"))]
+            self.absent = tuple(p for p in sorted(references(files)) if self._manager.get_node(p) is None)
+            for path in self.absent:
+                self._manager.get_node(path, True)
         for file, path in () if isinstance(aircraft, StockAircraft) else aircraft.references():
             if self._manager.get_node(path) is None:
                 raise AircraftError(f"aircraft {aircraft.name}: {file} refers to {path}, which JSBSim does not have")
@@ -144,6 +167,13 @@ class Fdm:
     def settle_engines(self) -> None:
         """Run engines and propellers to their steady state, with the aircraft held."""
         self.exec.get_propulsion().get_steady_state()
+
+    def engines_running(self, count: int) -> int:
+        """Return how many of so many engines run."""
+        paths = [
+            "propulsion/engine/set-running" if i == 0 else f"propulsion/engine[{i}]/set-running" for i in range(count)
+        ]
+        return sum(self.has(path) and self.getter(path)() != 0.0 for path in paths)
 
     def settle(self) -> None:
         """Apply the initial conditions with actuators and kinematics at their targets."""
