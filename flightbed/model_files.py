@@ -36,7 +36,9 @@ def model_table(point: Point, document: Mapping[str, Any]) -> str:
     for mode in document["modes"]:
         re, im = mode["eigenvalue"]
         value = f"{re:.4f}" + (f" +- {im:.4f}j" if im else "")
-        time = f"{np.log(2.0) / abs(re):.3g} {'double' if re > 0 else 'half'}" if abs(re) > 1e-6 else "neutral"
+        seconds = np.log(2.0) / max(abs(re), 1e-6)
+        digits = f"{seconds:.3g}" if seconds < 100.0 else f"{seconds:.0f}"
+        time = f"{digits} {'double' if re > 0 else 'half'}" if abs(re) > 1e-6 else "neutral"
         lines.append(f"  {mode['name']:24}{value:>22}  {mode['omega_n_rad_s']:8.4f}  {mode['zeta']:5.2f}   {time}")
     rating = (
         "two real roots: no CAP"
