@@ -13,10 +13,9 @@ from flightbed.control.base import Law
 from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
-from flightbed.estimation.base import Estimator
+from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.failures.effector import Effectiveness, weakened
-from flightbed.sensors import SensorNoise
 from flightbed.short_period import ShortPeriod
 from flightbed.units import DEG
 
@@ -74,9 +73,9 @@ def failure_tick(settings: s.Failure, control_hz: int) -> int:
     return ceil(settings.at_s * control_hz - 1e-6)
 
 
-def loop_gain(settings: s.EstimatorSettings, design: ShortPeriod, noise: SensorNoise, control_hz: int) -> Estimator:
+def loop_gain(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
     """Joint Kalman filter for alpha, q and K (Sillence Theorem 1): window, expanding or fading memory."""
-    return LoopGain(loop_gain_config(settings), design=design, noise=noise, control_hz=control_hz)
+    return LoopGain(loop_gain_config(settings), onboard)
 
 
 def loop_gain_config(settings: s.EstimatorSettings) -> LoopGainConfig:
@@ -89,6 +88,7 @@ def loop_gain_config(settings: s.EstimatorSettings) -> LoopGainConfig:
         smoothing=settings.smoothing,
         bounds=(settings.bounds[0], settings.bounds[1]),
         absolute=settings.input == "absolute",
+        scheduled=settings.model == "scheduled",
         alpha_disturbance_rad_s=settings.alpha_disturbance_deg_s * DEG,
         q_disturbance_rad_s2=settings.q_disturbance_deg_s2 * DEG,
         prior_from_measurement=prior.state == "measurement",

@@ -19,6 +19,7 @@ from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Gains, Law
 from flightbed.errors import AircraftError, NoTrimError
+from flightbed.estimation.base import OnBoard
 from flightbed.failures.effector import healthy
 from flightbed.folder import check_target, write_run
 from flightbed.linearize import LinearModel, linearize
@@ -28,7 +29,8 @@ from flightbed.metrics import Metrics, at_stop, measure, snr_db
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.jsbsim import JsbsimPlant, Start
 from flightbed.scenario import Scenario
-from flightbed.sensors import SensorNoise, Sensors
+from flightbed.schedule import Schedule, load_schedule
+from flightbed.sensors import SensorErrors, SensorNoise, Sensors
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.signals import Sample
 from flightbed.trace import Trace, collect
@@ -48,6 +50,7 @@ class Plan:
     model: LinearModel
     design: ShortPeriod
     gains: Gains | None  # None for a law that does not tell
+    schedule: Schedule | None  # None if no estimator asks for it
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,11 @@ def plan(scenario: Scenario) -> Plan:
     model = linearize(airframe, point)
     design = short_period(model, actuator_rad_s=aircraft.actuator.lag_rad_s)
     law = _law(scenario, design)
-    return Plan(scenario, aircraft, point, model, design, getattr(law, "gains", None))
+    schedule = None
+    if any(estimator.model == "scheduled" for estimator in scenario.estimators):
+        fingerprint = (aircraft.sha256, repr(scenario.aircraft.cg_shift_cbar), version("jsbsim"), version("flightbed"))
+        schedule = load_schedule(airframe, throttle=point.throttle_norm, fingerprint=fingerprint)
+    return Plan(scenario, aircraft, point, model, design, getattr(law, "gains", None), schedule)
 
 
 def _law(scenario: Scenario, design: ShortPeriod) -> Law:
@@ -105,7 +112,17 @@ def assemble(plan: Plan) -> Flight:
     control_hz, ticks = scenario.rates.control_hz, scenario.ticks
     sensor_seed, air_seed = np.random.SeedSequence(scenario.seed).spawn(2)  # append further consumers, never insert
     sensors = scenario.sensors
-    noise = SensorNoise(sensors.alpha_std_deg * DEG, sensors.q_std_deg_s * DEG, sensors.elevator_std_deg * DEG)
+    noise = SensorNoise(
+        sensors.alpha_std_deg * DEG,
+        sensors.q_std_deg_s * DEG,
+        sensors.elevator_std_deg * DEG,
+        sensors.mach_std,
+        sensors.altitude_std_ft * FT,
+        sensors.theta_std_deg * DEG,
+        sensors.phi_std_deg * DEG,
+    )
+    errors = SensorErrors(sensors.alpha_bias_deg * DEG, sensors.q_bias_deg_s * DEG, sensors.mach_error)
+    onboard = OnBoard(design, noise, control_hz, plan.schedule)
     effectiveness = healthy
     for failure in sorted(scenario.failures, key=lambda f: f.at_s):  # of two at once the later in the file acts
         effectiveness = registry.factory("failures", failure.kind)(failure, effectiveness, control_hz)
@@ -130,7 +147,7 @@ def assemble(plan: Plan) -> Flight:
             seed=int(air_seed.generate_state(1)[0] >> 1),
             effectiveness=effectiveness(0),
         ),
-        sensors=Sensors(noise, ticks=ticks, seed=sensor_seed),
+        sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
         profile=profile(
             registry.factory("commands", scenario.command.kind)(scenario.command),
             ticks=ticks,
@@ -147,7 +164,7 @@ def assemble(plan: Plan) -> Flight:
             min_rad=aircraft.actuator.min_rad,
             max_rad=aircraft.actuator.max_rad,
         ),
-        estimators=[registry.factory("estimators", e.kind)(e, design, noise, control_hz) for e in scenario.estimators],
+        estimators=[registry.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators],
         alpha_trim_rad=point.alpha_rad,
         floor_m=min(0.0, scenario.condition.altitude_ft * FT - _ROOM_M),
     )

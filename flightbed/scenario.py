@@ -98,11 +98,18 @@ class Command(_Table):
 
 
 class Sensors(_Table):
-    """Standard deviations of white noise, per tick."""
+    """Standard deviations of white noise, per tick; constant errors that nothing on board knows of (of Mach, a share)."""
 
     alpha_std_deg: Positive = 0.03
     q_std_deg_s: Positive = 0.1108
     elevator_std_deg: NonNegative = 0.0
+    mach_std: NonNegative = 0.0005
+    altitude_std_ft: NonNegative = 10.0
+    theta_std_deg: NonNegative = 0.05
+    phi_std_deg: NonNegative = 0.05
+    alpha_bias_deg: float = 0.0
+    q_bias_deg_s: float = 0.0
+    mach_error: Annotated[float, _between(-0.5, 0.5)] = 0.0
 
 
 class Atmosphere(_Table):
@@ -162,7 +169,7 @@ class EstimatorSettings(_Table):
 
     name: Identifier
     kind: Annotated[str, _registered("estimators")] = "loop-gain"
-    model: Literal["short-period"] = "short-period"
+    model: Literal["scheduled", "short-period"] = "scheduled"
     input: Literal["absolute", "deviation"] = "absolute"
     memory: Literal["window", "expanding", "fading"] = "window"
     window: Annotated[int, _between(2, 10000)] = 30

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from itertools import repeat
 
 import numpy as np
 
@@ -11,11 +12,24 @@ from flightbed.signals import Measurement, Truth
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Standard deviations of white Gaussian noise, one draw per tick. rad, rad/s, rad."""
+    """Standard deviations of white Gaussian noise, one draw per tick. rad, rad/s, rad, 1, m, rad, rad."""
 
     alpha_rad: float
     q_rad_s: float
     elevator_rad: float = 0.0
+    mach: float = 0.0
+    altitude_m: float = 0.0
+    theta_rad: float = 0.0
+    phi_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class SensorErrors:
+    """Constant errors that the flight computer does not know of. rad, rad/s, and a share of the Mach number."""
+
+    alpha_rad: float = 0.0
+    q_rad_s: float = 0.0
+    mach: float = 0.0
 
 
 class Sensors:
@@ -25,23 +39,37 @@ class Sensors:
         noise: standard deviations.
         ticks: length of the flight.
         seed: of this flight's sensors; streams are spawned from it, so a further sensor leaves the others as they are.
+        errors: constant errors.
 
     """
 
-    def __init__(self, noise: SensorNoise, *, ticks: int, seed: np.random.SeedSequence) -> None:
-        streams = [np.random.default_rng(s) for s in seed.spawn(3)]
-        # Lists: reading one number from a list costs a third of reading it from an array.
-        self._alpha, self._q, self._elevator = (
-            (std * stream.standard_normal(ticks)).tolist()
-            for std, stream in zip((noise.alpha_rad, noise.q_rad_s, noise.elevator_rad), streams, strict=True)
+    def __init__(
+        self, noise: SensorNoise, *, ticks: int, seed: np.random.SeedSequence, errors: SensorErrors | None = None
+    ) -> None:
+        errors = errors or SensorErrors()
+        stds = astuple(noise)
+        offsets = (errors.alpha_rad, errors.q_rad_s)
+        streams = zip(stds, seed.spawn(len(stds)), (*offsets, *repeat(0.0, len(stds) - len(offsets))), strict=True)
+        drawn = (
+            (offset + std * np.random.default_rng(s).standard_normal(ticks)).tolist()
+            if std
+            else list(repeat(offset, ticks))
+            for std, s, offset in streams
         )
+        # Rows of plain numbers: reading them costs a third of reading an array.
+        self._rows = list(zip(*drawn, strict=True))
+        self._mach = 1.0 + errors.mach
 
     def read(self, tick: int, truth: Truth) -> Measurement:
         """Return the readings at a tick. The averaged surface position carries the same error as the present one."""
-        error = self._elevator[tick]
+        alpha, q, elevator, mach, altitude, theta, phi = self._rows[tick]
         return Measurement(
-            truth.alpha_rad + self._alpha[tick],
-            truth.q_rad_s + self._q[tick],
-            truth.elevator_rad + error,
-            truth.elevator_mean_rad + error,
+            truth.alpha_rad + alpha,
+            truth.q_rad_s + q,
+            truth.elevator_rad + elevator,
+            truth.elevator_mean_rad + elevator,
+            truth.mach * self._mach + mach,
+            truth.altitude_m + altitude,
+            truth.theta_rad + theta,
+            truth.phi_rad + phi,
         )

@@ -8,6 +8,7 @@ They are named tuples, not dataclasses: immutable all the same, and a flight mak
 
 from __future__ import annotations
 
+from math import nan
 from typing import NamedTuple
 
 
@@ -42,6 +43,8 @@ class Measurement(NamedTuple):
     Attributes:
         elevator_rad: surface position feedback at this tick.
         elevator_mean_rad: the same transducer, averaged over the control period that ends at this tick.
+        mach, altitude_m: air data computer.
+        theta_rad, phi_rad: attitude reference.
 
     """
 
@@ -49,6 +52,10 @@ class Measurement(NamedTuple):
     q_rad_s: float
     elevator_rad: float
     elevator_mean_rad: float
+    mach: float = nan
+    altitude_m: float = nan
+    theta_rad: float = nan
+    phi_rad: float = nan
 
 
 class Estimate(NamedTuple):

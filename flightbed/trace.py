@@ -46,6 +46,10 @@ _MEASURED = {
     "alpha_meas_deg": ("alpha_rad", 1 / DEG),
     "elevator_meas_deg": ("elevator_rad", 1 / DEG),
     "elevator_mean_meas_deg": ("elevator_mean_rad", 1 / DEG),
+    "mach_meas": ("mach", 1.0),
+    "altitude_meas_ft": ("altitude_m", 1 / FT),
+    "theta_meas_deg": ("theta_rad", 1 / DEG),
+    "phi_meas_deg": ("phi_rad", 1 / DEG),
 }
 _ESTIMATED = {
     "effectiveness": ("effectiveness", 1.0),

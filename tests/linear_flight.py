@@ -9,7 +9,7 @@ from flightbed.command.doublet import doublet
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.design import design_proportional
 from flightbed.control.proportional import Proportional
-from flightbed.estimation.base import Estimator
+from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.failures.effector import healthy, weakened
 from flightbed.loop import Flight, fly
@@ -34,7 +34,7 @@ def fly_linear(
     absolute: bool = True,
 ) -> tuple[list[Sample], Estimator]:
     """Fly doublets with K = ``effectiveness`` from ``at_tick`` on; returns the samples and the estimator."""
-    estimator = LoopGain(config, design=design, noise=NOISE, control_hz=100)
+    estimator = LoopGain(config, OnBoard(design, NOISE, 100))
     flight = Flight(
         plant=LinearPlant(design, control_hz=100, absolute=absolute),
         sensors=Sensors(NOISE, ticks=ticks, seed=np.random.SeedSequence(seed)),

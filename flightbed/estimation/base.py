@@ -1,9 +1,13 @@
-"""What the loop asks of an estimator."""
+"""What the loop asks of an estimator, and what an estimator may know."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
+from flightbed.schedule import Schedule
+from flightbed.sensors import SensorNoise
+from flightbed.short_period import ShortPeriod
 from flightbed.signals import Estimate, Measurement
 
 
@@ -12,3 +16,21 @@ class Estimator(Protocol):
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate at that tick."""
+
+
+@dataclass(frozen=True, eq=False)
+class OnBoard:
+    """What the flight computer knows before take-off.
+
+    Attributes:
+        design: short-period model at the trim point.
+        noise: standard deviations of the sensors, as believed.
+        control_hz: rate of the measurements.
+        schedule: pitch model over the envelope; None if no estimator of the flight asks for it.
+
+    """
+
+    design: ShortPeriod
+    noise: SensorNoise
+    control_hz: int
+    schedule: Schedule | None = None

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.estimation import kernels
-from flightbed.sensors import SensorNoise
-from flightbed.short_period import ShortPeriod
+from flightbed.estimation import kernels, pitch_model
+from flightbed.estimation.base import OnBoard
 from flightbed.signals import Estimate, Measurement
 from flightbed.units import DEG
 
@@ -29,6 +28,7 @@ class LoopGainConfig:
         bounds: lowest and highest K-hat that is passed on.
         absolute: x' = A x + b (K delta - delta_trim): K scales the whole deflection, as on the aircraft. Otherwise
             x' = A x + K b (delta - delta_trim), the thesis's form, for a plant whose trim does not depend on K.
+        scheduled: the model is the schedule, not the short period at the trim point; the input is then absolute.
         alpha_disturbance_rad_s, q_disturbance_rad_s2: process noise: standard deviation of an unmodelled alpha rate and
             pitch acceleration, white, each held for one tick.
         prior_from_measurement: start alpha and q from the readings and their variances, instead of from the prior.
@@ -44,6 +44,7 @@ class LoopGainConfig:
     smoothing: float = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
     absolute: bool = True
+    scheduled: bool = False
     alpha_disturbance_rad_s: float = 0.6 * DEG
     q_disturbance_rad_s2: float = 6.0 * DEG
     prior_from_measurement: bool = True
@@ -56,19 +57,29 @@ class LoopGainConfig:
 
 
 class LoopGain:
-    """The augmented Kalman filter on the short-period design model, both alpha and q measured; an Estimator.
+    """The augmented Kalman filter on (alpha, q, K), both alpha and q measured; an Estimator.
+
+    Its model is the short period at the trim point, or, ``config.scheduled``, the schedule: at every tick the pitch motion of the
+    aircraft at the measured Mach number, altitude, attitude, alpha and q, linearized there.
 
     Args:
         config: settings.
-        design: short-period model with the trim it belongs to.
-        noise: standard deviations of the sensors, as the filter believes them.
-        control_hz: rate of the measurements.
+        onboard: what is known of aircraft and sensors.
+
+    Raises:
+        ValueError: a schedule is asked for, and there is none on board.
 
     """
 
-    def __init__(self, config: LoopGainConfig, *, design: ShortPeriod, noise: SensorNoise, control_hz: int) -> None:
+    def __init__(self, config: LoopGainConfig, onboard: OnBoard) -> None:
+        design, noise, control_hz = onboard.design, onboard.noise, onboard.control_hz
+        if config.scheduled and onboard.schedule is None:
+            raise ValueError("the estimator's model is the schedule, but there is none on board")
+        self._schedule = onboard.schedule.packed() if config.scheduled and onboard.schedule else None
+        self._dt = 1.0 / control_hz
+        self._last: Measurement | None = None
         discrete = design.discrete(control_hz)
-        self._alpha_trim = design.alpha_trim_rad
+        self._alpha_trim = 0.0 if config.scheduled else design.alpha_trim_rad
         # Absolute: the known part of the input is -delta_trim, an affine term; else it is subtracted from u.
         self._input_offset = 0.0 if config.absolute else design.elevator_trim_rad
         affine = -discrete.b * design.elevator_trim_rad if config.absolute else np.zeros(2)
@@ -89,13 +100,25 @@ class LoopGain:
         self._bank = kernels.new_bank(config.window if config.memory == "window" else 1)
         self._tick = 0
         # Compile, or load what was compiled, now and not in flight; tick 0 starts all anew.
-        kernels.tick(self._bank, self._settings, 0.0, 0.0, 0.0, 0)
+        if self._schedule is None:
+            kernels.tick(self._bank, self._settings, 0.0, 0.0, 0.0, 0)
+        else:
+            pitch_model.tick(self._bank, self._settings, self._schedule, self._dt, 0.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0)
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
-        alpha, q, _, elevator = measurement
-        bounded, std, smoothed, gain, alpha_hat, q_hat, nis = kernels.tick(
-            self._bank, self._settings, elevator - self._input_offset, alpha - self._alpha_trim, q, self._tick
-        )
+        alpha, q, _, elevator = measurement[:4]
+        if self._schedule is None:
+            found = kernels.tick(
+                self._bank, self._settings, elevator - self._input_offset, alpha - self._alpha_trim, q, self._tick
+            )
+        else:
+            then = self._last or measurement
+            found = pitch_model.tick(
+                self._bank, self._settings, self._schedule, self._dt, elevator, alpha, q, then.alpha_rad, then.q_rad_s, then.mach,
+                then.altitude_m, then.theta_rad, then.phi_rad, self._tick,
+            )  # fmt: skip
+            self._last = measurement
+        bounded, std, smoothed, gain, alpha_hat, q_hat, nis = found
         self._tick += 1
         return Estimate(bounded, std, smoothed, gain, alpha_hat + self._alpha_trim, q_hat, nis)

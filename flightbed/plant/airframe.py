@@ -14,7 +14,7 @@ from flightbed.errors import AircraftError, InputError
 from flightbed.plant.base import Controls, Input, Motion, Rates, Response
 from flightbed.plant.jsbsim import Fdm, kinks
 from flightbed.stock import StockAircraft
-from flightbed.units import DEG, FT, KT
+from flightbed.units import DEG, FT, KT, LBF
 
 _RESPONSE = (
     "accelerations/udot-ft_sec2", "accelerations/vdot-ft_sec2", "accelerations/wdot-ft_sec2",
@@ -98,6 +98,8 @@ class JsbsimAirframe:
         self.airspeed_m_s, self.mach = fdm.getter("ic/vt-fps")() * FT, fdm.getter("ic/mach")()
         self._set = [fdm.setter(path) for path in _STATE]
         self._get = [fdm.getter(path) for path in _RESPONSE]
+        engines = [_indexed("propulsion/engine", i) + "/thrust-lbs" for i in range(len(kinds))]
+        self._thrust = [fdm.getter(path) for path in engines if fdm.has(path)]
         self._frozen_throttle: float | None = None
         self.alpha_limits_rad, self.inputs = self._limits()
         self._kinks = {
@@ -233,6 +235,11 @@ class JsbsimAirframe:
     def breakpoints(self, quantity: str) -> Sequence[float]:
         """Return where tables and switches have kinks: over ``"mach"``, ``"alpha"``, ``"beta"``, ``"altitude"`` or ``"elevator"``."""
         return self._kinks[quantity]
+
+    def thrust_n(self, motion: Motion, controls: Controls) -> float:
+        """Return the thrust of all engines, N."""
+        self.respond(motion, controls)
+        return sum(get() for get in self._thrust) * LBF
 
     def elevator_position_rad(self, motion: Motion, controls: Controls) -> float | None:
         """Return the surface position at a motion; None where JSBSim does not tell."""

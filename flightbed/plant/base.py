@@ -113,5 +113,8 @@ class Airframe(Protocol):
     def respond(self, motion: Motion, controls: Controls) -> Response:
         """Return derivatives and load factors at a motion with the controls held there."""
 
+    def thrust_n(self, motion: Motion, controls: Controls) -> float:
+        """Return the thrust of all engines, N."""
+
     def breakpoints(self, quantity: str) -> Sequence[float]:
         """Return where tables and switches have kinks: over ``"mach"``, ``"alpha"``, ``"beta"``, ``"altitude"`` or ``"elevator"``."""

@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from flightbed.estimation import kernels
+from flightbed.estimation.base import OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.record import estimate_record
 from flightbed.factories import loop_gain_config
@@ -99,7 +100,7 @@ def test_window_equals_refiltering_the_last_30_samples(
         alpha_disturbance_rad_s=0.01, bounds=(-99.0, 99.0),
     )  # fmt: skip
     measurements = _measurements(rng, design, 120)
-    estimator = LoopGain(config, design=design, noise=NOISE, control_hz=100)
+    estimator = LoopGain(config, OnBoard(design, NOISE, 100))
     estimates = [estimator.update(m) for m in measurements]
     A, b = design.discrete(100.0)
     Q, R = np.diag([1e-4, 1e-3]) ** 2, np.diag([NOISE.alpha_rad**2, NOISE.q_rad_s**2])
@@ -222,7 +223,7 @@ def test_noise_of_the_position_transducer_widens_sigma(rng: np.random.Generator,
 
     def sigma(elevator_std: float) -> float:
         noise = SensorNoise(NOISE.alpha_rad, NOISE.q_rad_s, elevator_std)
-        estimator = LoopGain(LoopGainConfig(), design=design, noise=noise, control_hz=100)
+        estimator = LoopGain(LoopGainConfig(), OnBoard(design, noise, 100))
         return [estimator.update(m) for m in measurements][-1].effectiveness_std
 
     assert sigma(0.005) > 1.1 * sigma(0.0)

@@ -1,0 +1,190 @@
+"""Airframe -> Schedule: the pitch motion of an aircraft over Mach number and alpha, for a model on board.
+
+    alpha' = q + [qbar (n + n_delta(d)) + (qbar/V) n_q q + g cos-terms + thrust] / V
+    q'     =      qbar (m + m_delta(d)) + (qbar/V) m_q q + thrust moment
+
+with d the deflection that acts (K times position), qbar from Mach number and altitude, gravity by attitude. The coefficients are tables over
+(Mach, alpha), bilinear between nodes; n_delta and m_delta are piecewise linear in d as well. Nodes lie on the breakpoints of the
+aircraft's own tables, a pair on either side of each, so that a switch is a step here too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed.air import standard_air
+from flightbed.plant.base import Airframe, Controls, Motion
+from flightbed.units import DEG, G0
+
+Array = npt.NDArray[np.float64]
+
+_FORMAT = 1  # of the file in the cache: change it when what is tabulated changes
+MACHS, ALPHAS_RAD = (0.2, 2.0), (-10.0 * DEG, 45.0 * DEG)
+_FILL_RAD, _BESIDE = 1.0 * DEG, 1e-7
+_PROBE_Q = 0.1
+NORMAL, NORMAL_Q, MOMENT, MOMENT_Q, BY_ELEVATOR = 0, 1, 2, 3, 4
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """The pitch model over the envelope. SI, radians.
+
+    Attributes:
+        mach: (M,) nodes; alpha_rad: (N,); elevator_rad: (E,), 0 among them; altitude_m: (H,), of thrust alone.
+        coefficients: (M, N, 4 + 2 E): n, n_q, m, m_q, then n_delta and m_delta at the elevator's nodes; m/s^2 and rad/s^2 per Pa,
+            the two with q per Pa s/m and rad/s.
+        thrust_n: (M, H) at the throttle that is set.
+        per_newton: (3,) accelerations along body x and z (m/s^2) and in pitch (rad/s^2) per N of thrust.
+
+    """
+
+    mach: Array
+    alpha_rad: Array
+    elevator_rad: Array
+    altitude_m: Array
+    coefficients: Array
+    thrust_n: Array
+    per_newton: Array
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the tables."""
+        return self.coefficients.nbytes + self.thrust_n.nbytes
+
+    def packed(self) -> Array:
+        """Return all of it as one array, as ``estimation.pitch_model`` reads it."""
+        parts = (self.mach, self.alpha_rad, self.elevator_rad, self.altitude_m)
+        sizes = [float(len(p)) for p in parts]
+        return np.concatenate([sizes, self.per_newton, *parts, self.thrust_n.ravel(), self.coefficients.ravel()])
+
+    def with_throttle(self, airframe: Airframe, throttle: float) -> Schedule:
+        """Return the schedule with the thrust of another throttle setting."""
+        return replace(self, thrust_n=_thrust(airframe, throttle, self.mach, self.altitude_m))
+
+    def scaled(
+        self, *, cm_alpha: float = 1.0, cm_q: float = 1.0, cm_delta: float = 1.0, about_rad: float = 0.0
+    ) -> Schedule:
+        """Return a schedule that is wrong by factors, for studies of model error: C_m's change from ``about_rad``, C_mq and C_m_delta."""
+        wrong, E = self.coefficients.copy(), len(self.elevator_rad)
+        here = np.array([np.interp(about_rad, self.alpha_rad, row) for row in wrong[:, :, MOMENT]])
+        wrong[:, :, MOMENT] = here[:, None] + cm_alpha * (wrong[:, :, MOMENT] - here[:, None])
+        wrong[:, :, MOMENT_Q] *= cm_q
+        wrong[:, :, BY_ELEVATOR + E :] *= cm_delta
+        return replace(self, coefficients=wrong)
+
+
+def build_schedule(airframe: Airframe, *, throttle: float) -> Schedule:
+    """Tabulate an airframe; about 15,000 evaluations, a quarter of a second.
+
+    Args:
+        airframe: any condition of the aircraft: speed and alpha are varied, the altitude is taken from it.
+        throttle: at which the aircraft will fly; thrust is tabulated over Mach number and altitude.
+
+    """
+    mach = _nodes(airframe.breakpoints("mach"), MACHS, None)
+    alpha = _nodes(airframe.breakpoints("alpha"), ALPHAS_RAD, _FILL_RAD)
+    stops = airframe.inputs[0].low, airframe.inputs[0].high
+    elevator = np.unique([*(e for e in airframe.breakpoints("elevator") if stops[0] < e < stops[1]), 0.0, *stops])
+    elevator = elevator[np.diff(elevator, prepend=-np.inf) > 1e-3]
+    altitude = np.linspace(-1000.0, 19000.0, 41)
+    sound, E = airframe.airspeed_m_s / airframe.mach, len(elevator)
+    pressure = standard_air(airframe.altitude_m).pressure_pa
+    per_newton = _per_newton(airframe)
+    table = np.empty((len(mach), len(alpha), BY_ELEVATOR + 2 * E))
+    for i, M in enumerate(mach.tolist()):
+        speed, qbar = M * sound, 0.7 * pressure * M * M
+        thrust = _thrust_at(airframe, speed, airframe.altitude_m, throttle) * per_newton
+        for j, a in enumerate(alpha.tolist()):
+
+            def rates(
+                q: float, d: float, a: float = a, speed: float = speed, thrust: Array = thrust
+            ) -> tuple[float, float]:
+                """Normal and pitch acceleration by aerodynamics alone; level, theta = alpha."""
+                r = airframe.respond(Motion(speed, a, a, q, airframe.altitude_m), Controls(d, throttle)).rates
+                normal = (r.alpha - q) * speed - G0 - (thrust[1] * np.cos(a) - thrust[0] * np.sin(a))
+                return float(normal), r.q - float(thrust[2])
+
+            n, m = rates(0.0, 0.0)
+            nq, mq = rates(_PROBE_Q, 0.0)
+            row = table[i, j]
+            row[:BY_ELEVATOR] = np.array([n, (nq - n) / _PROBE_Q * speed, m, (mq - m) / _PROBE_Q * speed]) / qbar
+            for k, d in enumerate(elevator.tolist()):
+                nd, md = rates(0.0, d)
+                row[BY_ELEVATOR + k], row[BY_ELEVATOR + E + k] = (nd - n) / qbar, (md - m) / qbar
+    return Schedule(
+        mach, alpha, elevator, altitude, table, _thrust(airframe, throttle, mach, altitude), np.array(per_newton)
+    )
+
+
+def load_schedule(airframe: Airframe, *, throttle: float, fingerprint: Sequence[str]) -> Schedule:
+    """Build a schedule, or take its tables from the cache; the thrust is always computed.
+
+    The cache lies in ``$XDG_CACHE_HOME/flightbed`` (``~/.cache/flightbed``); one that cannot be read or written is done without.
+
+    Args:
+        airframe, throttle: as in build_schedule.
+        fingerprint: all that the tables depend on: hash of the aircraft, c.g. shift, versions.
+
+    """
+    key = hashlib.sha256("\n".join([str(_FORMAT), *fingerprint]).encode()).hexdigest()[:32]
+    root = os.environ.get("XDG_CACHE_HOME", "")
+    folder = (Path(root) if root else Path.home() / ".cache") / "flightbed"
+    file = folder / f"schedule-{key}.npz"
+    try:
+        with np.load(file) as held:
+            schedule = Schedule(**{name: held[name] for name in Schedule.__dataclass_fields__})
+        return schedule.with_throttle(airframe, throttle)
+    except (OSError, ValueError, KeyError, EOFError):
+        schedule = build_schedule(airframe, throttle=throttle)
+    buffer = io.BytesIO()
+    np.savez(buffer, **{name: getattr(schedule, name) for name in Schedule.__dataclass_fields__})
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, delete=False) as part:
+            part.write(buffer.getvalue())
+        Path(part.name).replace(file)
+    except OSError:
+        pass
+    return schedule
+
+
+def _nodes(breakpoints: Sequence[float], span: tuple[float, float], fill: float | None) -> Array:
+    """Return nodes on either side of each breakpoint inside, and more where they are further apart than ``fill``."""
+    inside = [b for b in breakpoints if span[0] < b < span[1]]
+    nodes = [span[0], *(b + side for b in inside for side in (-_BESIDE, _BESIDE)), span[1]]
+    if fill:
+        more = np.arange(np.ceil(span[0] / fill), np.floor(span[1] / fill) + 1) * fill
+        nodes += [v for v in more.tolist() if min(abs(v - n) for n in nodes) > 0.2 * fill]
+    return np.unique(nodes)
+
+
+def _thrust_at(airframe: Airframe, speed: float, altitude_m: float, throttle: float) -> float:
+    return airframe.thrust_n(Motion(speed, 0.0, 0.0, 0.0, altitude_m), Controls(0.0, throttle))
+
+
+def _thrust(airframe: Airframe, throttle: float, mach: Array, altitude: Array) -> Array:
+    sounds = [standard_air(h).sound_m_s for h in altitude.tolist()]
+    return np.array(
+        [
+            [_thrust_at(airframe, M * a, h, throttle) for h, a in zip(altitude.tolist(), sounds, strict=True)]
+            for M in mach.tolist()
+        ]
+    )
+
+
+def _per_newton(airframe: Airframe) -> Array:
+    """Return what a newton of thrust does to the accelerations along body x and z and in pitch, from two throttle settings."""
+    motion = Motion(airframe.airspeed_m_s, 0.0, 0.0, 0.0, airframe.altitude_m)
+    low, high = (Controls(0.0, t) for t in (airframe.inputs[1].low, 0.5 * airframe.inputs[1].high))
+    one, other = airframe.respond(motion, low).rates, airframe.respond(motion, high).rates
+    more = airframe.thrust_n(motion, high) - airframe.thrust_n(motion, low)
+    return np.array([other.airspeed - one.airspeed, (other.alpha - one.alpha) * motion.airspeed_m_s, other.q - one.q]) / more
