@@ -176,6 +176,9 @@ class EstimatorSettings(_Table):
     forgetting: Annotated[float, _between(0.5, 1)] = 0.98
     smoothing: Annotated[float, _between(0, 0.9999)] = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
+    alarm_threshold: NonNegative = 0.0
+    follow_disturbances: bool = False
+    hold_std: NonNegative = 0.0
     alpha_disturbance_deg_s: NonNegative = 0.6
     q_disturbance_deg_s2: NonNegative = 6.0
     prior: Prior = Prior()

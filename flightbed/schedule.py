@@ -187,4 +187,7 @@ def _per_newton(airframe: Airframe) -> Array:
     low, high = (Controls(0.0, t) for t in (airframe.inputs[1].low, 0.5 * airframe.inputs[1].high))
     one, other = airframe.respond(motion, low).rates, airframe.respond(motion, high).rates
     more = airframe.thrust_n(motion, high) - airframe.thrust_n(motion, low)
-    return np.array([other.airspeed - one.airspeed, (other.alpha - one.alpha) * motion.airspeed_m_s, other.q - one.q]) / more
+    return (
+        np.array([other.airspeed - one.airspeed, (other.alpha - one.alpha) * motion.airspeed_m_s, other.q - one.q])
+        / more
+    )

@@ -68,6 +68,7 @@ class Estimate(NamedTuple):
         effectiveness_raw: K-hat before the bounds.
         alpha_rad, q_rad_s: the state.
         nis: normalized innovation squared; chi-square with as many degrees of freedom as measurements (2) if the model holds.
+        alarms: how many changes of K have been declared so far.
 
     """
 
@@ -78,6 +79,7 @@ class Estimate(NamedTuple):
     alpha_rad: float
     q_rad_s: float
     nis: float
+    alarms: float = 0.0
 
 
 class Sample(NamedTuple):

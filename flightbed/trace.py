@@ -59,6 +59,7 @@ _ESTIMATED = {
     "alpha_deg": ("alpha_rad", 1 / DEG),
     "q_deg_s": ("q_rad_s", 1 / DEG),
     "nis": ("nis", 1.0),
+    "alarms": ("alarms", 1.0),
 }
 
 

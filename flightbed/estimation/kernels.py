@@ -166,57 +166,161 @@ def start(X: Array, P: Array, slot: int, x0: Array, P0: Array, anchor: bool, z: 
 
 
 @compiled
+def disturbance(bank: Array, settings: Array, model: Array, u: float, z: tuple[float, float], Q: Array) -> None:
+    """Add to Q what the readings show of disturbances, so that sigma and alarms hold in rough air too.
+
+    The residual of one step from reading to reading, e = z - (A z_last + b K u + c), sums up the disturbances; in a leaky sum over
+    some 15 ticks the sensors' noise, which enters as differences, all but cancels, and gusts that last add up as they do in a
+    window. Its mean square over the last seconds, less what the sensors explain, is the white noise that would do the same.
+
+    """
+    state = bank[24:, 0]
+    leak, slow = 1.0 - 1.0 / 15.0, 1.0 / 300.0
+    x0, x1 = state[12], state[13]
+    for i in range(2):
+        e = z[i] - (model[i, 0] * x0 + model[i, 1] * x1 + model[i, 2] * state[0] * u + model[i, 3])
+        state[8 + i] = leak * state[8 + i] + e
+        r = settings[21 + i]
+        square = min(state[8 + i] * state[8 + i], 9.0 * (state[10 + i] + r))
+        state[10 + i] += slow * (square - state[10 + i])
+        Q[i, i] += max(0.0, (1.0 - leak * leak) * (state[10 + i] - 1.6 * r))
+
+
+@compiled
+def alarm(bank: Array, settings: Array, k: int) -> bool:
+    """Test every filter of a window for a change of K against the level held so far; adopt the likeliest if it is one.
+
+    Filter w has seen the data since its start alone. With I the information on K in them and k_w the K that they alone say,
+    (k_w - level)^2 / (1/I + var level) is twice the log likelihood ratio for a change at its start, and the largest of them the
+    generalized likelihood ratio over the time of the change (Willsky and Jones 1976), here from filters that run anyhow. Beyond the threshold the filter
+    that has it gives the estimate until it has seen a full window, and while it is young a likelier start replaces it.
+
+    """
+    W = bank.shape[1]
+    X, P, state = bank[0:3], bank[3:12].reshape((3, 3, -1)), bank[24:, 0]
+    prior, prior_var, threshold, youngest = settings[6], settings[15], settings[31], settings[33]
+    young = k - state[7] <= 15.0
+    level, level_var = (state[5], state[6]) if young else (state[1], state[2])
+    highest, slot = 0.0, -1
+    for w in range(W):
+        age = (k - w) % W if k >= W else (k - w if w > 0 and k > w else k)
+        if age == 0:
+            age = W
+        if age < youngest or (young and k - age < state[14]):
+            continue
+        information = 1.0 / P[2, 2, w] - 1.0 / prior_var
+        if information <= 1e-9:
+            continue
+        said = (X[2, w] / P[2, 2, w] - prior / prior_var) / information
+        ratio = (said - level) ** 2 / (1.0 / information + level_var)
+        if ratio > highest:
+            highest, slot = ratio, w
+    raised = highest > threshold and not young
+    if slot >= 0 and (raised or (young and highest > threshold)):
+        age = (k - slot) % W if k >= W else (k - slot if slot > 0 and k > slot else k)
+        if age == 0:
+            age = W
+        if raised:
+            state[5], state[6], state[7] = state[1], state[2], float(k)
+            state[14] = float(k - W)
+        state[3], state[4] = float(slot), float(k - age)
+    return raised
+
+
+@compiled
 def tick(
     bank: Array, settings: Array, u: float, z0: float, z1: float, k: int
-) -> tuple[float, float, float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float, float, float]:
     """Advance a bank by one sample, both states measured, and return the estimate of the filter that has the most data.
 
     Tick 0 starts every filter. In a window (W > 1) filter k mod W has then seen exactly W samples: it gives the
-    estimate and starts again; during the first W ticks filter 0 has the most data. With W = 1 nothing is restarted.
+    estimate and starts again; during the first W ticks filter 0 has the most data. With W = 1 nothing is restarted. After an
+    alarm the filter that it adopted gives the estimate until it is as old.
 
     Few arguments, because each array costs the call from Python more than a filter's arithmetic does.
 
     Args:
-        bank: the state, made by ``new_bank``; its last row holds the smoothed K-hat in column 0.
+        bank: the state, made by ``new_bank``.
         settings: as ``pack_settings`` lays them out; the model in it may be changed from tick to tick.
         u: input over the period that ends now.
         z0, z1: the readings of the two states.
         k: number of the tick.
 
     Returns:
-        (K-hat in bounds, its standard deviation, smoothed K-hat, K-hat, state 0, state 1, normalized innovation squared);
-        at tick 0 the prior, with 0 for the last.
+        (K-hat in bounds, its standard deviation, smoothed K-hat, K-hat, state 0, state 1, normalized innovation squared, number of
+        alarms so far); at tick 0 the prior, with 0 for the innovation.
 
     """
     X, P, T = bank[0:3], bank[3:12].reshape((3, 3, -1)), bank[12:24].reshape((4, 3, -1))
-    Q, x0, P0 = settings[0:4].reshape((2, 2)), settings[4:7], settings[7:16].reshape((3, 3))
+    x0, P0 = settings[4:7], settings[7:16].reshape((3, 3))
     inflation, anchor, keep, low, high = settings[16], settings[17] > 0.0, settings[18], settings[19], settings[20]
     r, model, z = settings[21:23], settings[23:31].reshape((2, 4)), (z0, z1)
+    threshold, adaptive, hold = settings[31], settings[32] > 0.0, settings[34]
+    state = bank[24:, 0]
     W = bank.shape[1]
     best = 0
     if k == 0:
         for w in range(W):
             start(X, P, w, x0, P0, anchor, z, r)
         T[3, 0, 0] = 0.0
-        bank[24, 0] = 1.0
+        state[:] = 0.0
+        state[0], state[1], state[2] = 1.0, x0[2], 0.0
+        state[3], state[4], state[7] = -1.0, 0.0, -1e9
+        state[10], state[11] = r[0], r[1]
     else:
+        Q = settings[0:4].copy().reshape((2, 2))
+        if adaptive:
+            disturbance(bank, settings, model, u, z, Q)
         predict(X, P, T, model, u, Q, inflation)
         correct(X, P, T, _IDENTITY, r, z)
         if k >= W:
             best = k % W
-    gain = X[2, best]
+    state[12], state[13] = z0, z1
+    raised = False
+    if threshold > 0.0 and W > 1 and k > 0:
+        raised = alarm(bank, settings, k)
+        if state[3] >= 0.0:
+            if k - state[4] < W:
+                best = int(state[3])
+            else:
+                state[3] = -1.0
+    gain, variance = X[2, best], P[2, 2, best]
+    if hold > 0.0:  # the last estimate, with this variance, in place of the prior of K
+        information = max(0.0, 1.0 / variance - 1.0 / P0[2, 2])
+        said = gain / variance - x0[2] / P0[2, 2]
+        variance = 1.0 / (information + 1.0 / hold)
+        gain = variance * (said + state[0] / hold)
     bounded = min(max(gain, low), high)
-    smoothed = keep * bank[24, 0] + (1.0 - keep) * bounded
-    bank[24, 0] = smoothed
-    result = (bounded, sqrt(P[2, 2, best]), smoothed, gain, X[0, best], X[1, best], T[3, 0, best])
+    if threshold > 0.0:
+        since = k - state[7]
+        if raised:
+            state[0], state[15] = bounded, state[15] + 1.0
+        elif since <= 15.0:
+            share = max(1.0 - keep, 1.0 / (since + 1.0))
+            state[0] += share * (bounded - state[0])
+        else:
+            state[0] = keep * state[0] + (1.0 - keep) * bounded
+        if state[3] >= 0.0:
+            state[1], state[2] = gain, variance
+        else:
+            state[1] += 0.02 * (gain - state[1])
+            state[2] = max(0.1 * variance, 0.02 * 0.02)
+    else:
+        state[0] = keep * state[0] + (1.0 - keep) * bounded
+    result = (bounded, sqrt(variance), state[0], gain, X[0, best], X[1, best], T[3, 0, best], state[15])
     if W > 1 and k > 0:
         start(X, P, k % W, x0, P0, anchor, z, r)
     return result
 
 
 def new_bank(filters: int) -> Array:
-    """Return room for the state of W filters of (alpha, q, K): X, P, scratch, and a row for the smoother."""
-    return np.zeros((25, filters))
+    """Return room for the state of W filters of (alpha, q, K): X, P, scratch, and in column 0 of the last rows what they share.
+
+    These are: 0 smoothed K-hat; level of K that alarms are raised against, 1 itself and 2 its variance; adopted filter, 3 which and
+    4 the tick of its start; 5, 6 the level before the last alarm, 7 its tick, 14 the earliest start that may replace the adopted one;
+    8, 9 leaky sums of residuals and 10, 11 their mean squares; 12, 13 last readings; 15 number of alarms.
+    """
+    return np.zeros((40, filters))
 
 
 def pack_settings(
@@ -230,9 +334,18 @@ def pack_settings(
     bounds: tuple[float, float],
     r: Array,
     model: Array,
+    threshold: float = 0.0,
+    adaptive: bool = False,
+    youngest: int = 3,
+    hold_var: float = 0.0,
 ) -> Array:
     """Return the settings of ``tick`` as one array.
 
-    Process noise, prior, memory, start, smoother, bounds, variances of the readings (2,), and model (2, 4) = [A | b | c].
+    Process noise, prior, memory, start, smoother, bounds, variances of the readings (2,), model (2, 4) = [A | b | c]; threshold of
+    alarms (0: none), whether the process noise follows the disturbances, youngest filter that may raise an alarm, variance with which
+    the last estimate is held (0: the prior is).
     """
-    return np.concatenate([Q.ravel(), x0, P0.ravel(), [inflation, float(anchor), keep, *bounds], r, model.ravel()])
+    memory = [inflation, float(anchor), keep, *bounds]
+    return np.concatenate(
+        [Q.ravel(), x0, P0.ravel(), memory, r, model.ravel(), [threshold, float(adaptive), youngest, hold_var]]
+    )

@@ -26,6 +26,10 @@ class LoopGainConfig:
         forgetting: lambda in (0, 1]; 1 forgets nothing.
         smoothing: s in K_s+ = s K_s + (1 - s) K-hat, started at 1 (Sillence eq (85)).
         bounds: lowest and highest K-hat that is passed on.
+        alarm_threshold: generalized likelihood ratio beyond which a change of K is declared and the window shortened to the data since it;
+            0 for no test. A window only.
+        follow_disturbances: raise the process noise to what the readings show.
+        hold_std: standard deviation with which the last smoothed estimate stands in for the prior of K when a window says little; 0 for not.
         absolute: x' = A x + b (K delta - delta_trim): K scales the whole deflection, as on the aircraft. Otherwise
             x' = A x + K b (delta - delta_trim), the thesis's form, for a plant whose trim does not depend on K.
         scheduled: the model is the schedule, not the short period at the trim point; the input is then absolute.
@@ -43,6 +47,9 @@ class LoopGainConfig:
     forgetting: float = 0.98
     smoothing: float = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
+    alarm_threshold: float = 0.0
+    follow_disturbances: bool = False
+    hold_std: float = 0.0
     absolute: bool = True
     scheduled: bool = False
     alpha_disturbance_rad_s: float = 0.6 * DEG
@@ -96,6 +103,9 @@ class LoopGain:
             bounds=config.bounds,
             r=np.array([noise.alpha_rad**2, noise.q_rad_s**2]),
             model=np.column_stack([discrete.A, discrete.b, affine]),
+            threshold=config.alarm_threshold,
+            adaptive=config.follow_disturbances,
+            hold_var=config.hold_std**2,
         )
         self._bank = kernels.new_bank(config.window if config.memory == "window" else 1)
         self._tick = 0
@@ -103,7 +113,9 @@ class LoopGain:
         if self._schedule is None:
             kernels.tick(self._bank, self._settings, 0.0, 0.0, 0.0, 0)
         else:
-            pitch_model.tick(self._bank, self._settings, self._schedule, self._dt, 0.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0)
+            pitch_model.tick(
+                self._bank, self._settings, self._schedule, self._dt, 0.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0
+            )
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
@@ -119,6 +131,6 @@ class LoopGain:
                 then.altitude_m, then.theta_rad, then.phi_rad, self._tick,
             )  # fmt: skip
             self._last = measurement
-        bounded, std, smoothed, gain, alpha_hat, q_hat, nis = found
+        bounded, std, smoothed, gain, alpha_hat, q_hat, nis, alarms = found
         self._tick += 1
-        return Estimate(bounded, std, smoothed, gain, alpha_hat + self._alpha_trim, q_hat, nis)
+        return Estimate(bounded, std, smoothed, gain, alpha_hat + self._alpha_trim, q_hat, nis, alarms)

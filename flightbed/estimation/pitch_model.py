@@ -36,7 +36,15 @@ def air(altitude_m: float) -> tuple[float, float]:
 
 @compiled
 def rates(
-    schedule: Array, out: Array, alpha: float, q: float, acting: float, mach: float, altitude_m: float, theta: float, phi: float
+    schedule: Array,
+    out: Array,
+    alpha: float,
+    q: float,
+    acting: float,
+    mach: float,
+    altitude_m: float,
+    theta: float,
+    phi: float,
 ) -> None:
     """Write alpha', q' and their derivatives into ``out``: (2, 4), [value | d/d alpha | d/d q | d/d deflection].
 
@@ -87,7 +95,9 @@ def rates(
         surface_low = (1.0 - z) * left_low + z * right_low
         surface_high = (1.0 - z) * left_high + z * right_high
         out[row, 0] = scale * ((1.0 - y) * (low + surface_low) + y * (high + surface_high)) + damping * q
-        out[row, 1] = scale * dy * (high - low + surface_high - surface_low) + scale / speed * dy * (damp_high - damp_low) * q
+        out[row, 1] = (
+            scale * dy * (high - low + surface_high - surface_low) + scale / speed * dy * (damp_high - damp_low) * q
+        )
         out[row, 2] = damping
         out[row, 3] = scale * dz * ((1.0 - y) * (right_low - left_low) + y * (right_high - left_high))
     ca, sa, ct, st = cos(alpha), sin(alpha), cos(theta), sin(theta)
@@ -130,7 +140,7 @@ def local_model(
 def tick(
     bank: Array, settings: Array, schedule: Array, dt: float, elevator: float, z0: float, z1: float,
     alpha: float, q: float, mach: float, altitude_m: float, theta: float, phi: float, k: int,
-) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
+) -> tuple[float, float, float, float, float, float, float, float]:  # fmt: skip
     """Advance a bank by one sample on the schedule: ``kernels.tick`` with the model of the period that ends now.
 
     Args:
