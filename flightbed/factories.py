@@ -15,7 +15,8 @@ from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
-from flightbed.failures.effector import Effectiveness, weakened
+from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
+from flightbed.failures.effector import Effectiveness, ramped, weakened
 from flightbed.short_period import ShortPeriod
 from flightbed.units import DEG
 
@@ -68,6 +69,12 @@ def effectiveness(settings: s.Failure, before: Effectiveness, control_hz: int) -
     return weakened(before, to=settings.to, at_tick=failure_tick(settings, control_hz))
 
 
+def ramp(settings: s.Failure, before: Effectiveness, control_hz: int) -> Effectiveness:
+    """Lose effectiveness steadily from what it is at at_s to the share `to`, over over_s seconds."""
+    at_tick = failure_tick(settings, control_hz)
+    return ramped(before, to=settings.to, at_tick=at_tick, ticks=max(1, round(settings.over_s * control_hz)))
+
+
 def failure_tick(settings: s.Failure, control_hz: int) -> int:
     """Return the first tick at or after the failure's time; round-off in at_s * control_hz does not delay it."""
     return ceil(settings.at_s * control_hz - 1e-6)
@@ -76,6 +83,21 @@ def failure_tick(settings: s.Failure, control_hz: int) -> int:
 def loop_gain(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
     """Joint Kalman filter for alpha, q and K (Sillence Theorem 1): window, expanding or fading memory."""
     return LoopGain(loop_gain_config(settings), onboard)
+
+
+def differentiated_rls(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
+    """Recursive least squares with variable forgetting on differentiated pitch rate: the plain baseline."""
+    return DifferentiatedRls(
+        RlsConfig(
+            scheduled=settings.model == "scheduled",
+            forgetting=settings.forgetting,
+            smoothing=settings.smoothing,
+            bounds=(settings.bounds[0], settings.bounds[1]),
+            prior_effectiveness=settings.prior.effectiveness,
+            prior_effectiveness_var=settings.prior.effectiveness_std**2,
+        ),
+        onboard,
+    )
 
 
 def loop_gain_config(settings: s.EstimatorSettings) -> LoopGainConfig:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
@@ -32,9 +33,10 @@ class Flight:
     estimators: Sequence[Estimator]
     alpha_trim_rad: float
     floor_m: float = -inf  # altitude at which the flight ends in the ground
+    delay_ticks: int = 0  # between a command and the actuator
 
     def __post_init__(self) -> None:
-        if self.adaptation.enabled and not self.estimators:
+        if self.adaptation.enabled and not self.adaptation.oracle and not self.estimators:
             raise ValueError("adaptation is enabled, but the flight has no estimator")
 
 
@@ -44,7 +46,8 @@ def fly(flight: Flight) -> Iterator[Sample]:
     sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
     updates = [estimator.update for estimator in flight.estimators]
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
-    hold, floor, following = False, flight.floor_m, flight.effectiveness(0)
+    hold, floor, following, believed = False, flight.floor_m, flight.effectiveness(0), 1.0
+    delay, on_the_way = flight.delay_ticks, deque([plant.sense().elevator_rad] * flight.delay_ticks)
     for tick, (q_cmd, q_ref) in enumerate(commands):
         effectiveness, following = following, flight.effectiveness(tick + 1)
         truth = sense(effectiveness)
@@ -52,9 +55,14 @@ def fly(flight: Flight) -> Iterator[Sample]:
 
         estimates = tuple([update(measurement) for update in updates])
 
-        believed = adaptation.believed(estimates[adaptation.estimator].effectiveness_smoothed) if estimates else 1.0
+        if adaptation.oracle:  # told by the scenario; no estimator is
+            believed = adaptation.believed(effectiveness)
+        elif estimates:
+            estimate = estimates[adaptation.estimator]
+            believed = adaptation.believed(estimate.effectiveness_smoothed, estimate.effectiveness_std)
         feedback = adaptation.elevator_feedback(measurement.elevator_rad, believed)
-        demand = demand_of(measurement, q_ref_rad_s=q_ref, elevator_rad=feedback, hold=hold)
+        reference = adaptation.reference(q_ref, believed)
+        demand = demand_of(measurement, q_ref_rad_s=reference, elevator_rad=feedback, hold=hold)
         command = adaptation.command(demand, believed)
         hold = command != demand / believed
 
@@ -62,4 +70,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
         deviation = truth.alpha_rad - flight.alpha_trim_rad
         if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth.q_rad_s) or truth.altitude_m < floor:
             return
+        if delay:
+            on_the_way.append(command)
+            command = on_the_way.popleft()
         advance(command, effectiveness, following)

@@ -18,6 +18,7 @@ from flightbed.aircraft import Aircraft, load_aircraft, load_path
 from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Gains, Law
+from flightbed.control.design import peak_deflection
 from flightbed.errors import AircraftError, NoTrimError
 from flightbed.estimation.base import OnBoard
 from flightbed.failures.effector import healthy
@@ -28,14 +29,14 @@ from flightbed.loop import fly as _fly
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.jsbsim import JsbsimPlant, Start
-from flightbed.scenario import Scenario
+from flightbed.scenario import ModelError, Scenario
 from flightbed.schedule import Schedule, load_schedule
 from flightbed.sensors import SensorErrors, SensorNoise, Sensors
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.signals import Sample
 from flightbed.trace import Trace, collect
 from flightbed.trim import TrimPoint, trim
-from flightbed.units import DEG, FT
+from flightbed.units import DEG, FT, LB
 
 _ROOM_M = 300.0  # flights that begin at sea level may go this far below it: the terrain lies lower still
 
@@ -87,7 +88,7 @@ def plan(scenario: Scenario) -> Plan:
         cg_shift_cbar=scenario.aircraft.cg_shift_cbar,
     )
     try:
-        point = trim(airframe)
+        point = trim(airframe, gamma_rad=condition.gamma_deg * DEG)
     except NoTrimError as error:
         error.args = (f"no trim at Mach {condition.mach:.2f}, {condition.altitude_ft:.0f} ft: {error}",)
         raise
@@ -122,7 +123,7 @@ def assemble(plan: Plan) -> Flight:
         sensors.phi_std_deg * DEG,
     )
     errors = SensorErrors(sensors.alpha_bias_deg * DEG, sensors.q_bias_deg_s * DEG, sensors.mach_error)
-    onboard = OnBoard(design, noise, control_hz, plan.schedule)
+    onboard = _mistaken(OnBoard(design, noise, control_hz, plan.schedule), scenario.model_error)
     effectiveness = healthy
     for failure in sorted(scenario.failures, key=lambda f: f.at_s):  # of two at once the later in the file acts
         effectiveness = registry.factory("failures", failure.kind)(failure, effectiveness, control_hz)
@@ -142,7 +143,8 @@ def assemble(plan: Plan) -> Flight:
             start,
             control_hz=control_hz,
             plant_hz=scenario.rates.plant_hz,
-            cg_shift_cbar=scenario.aircraft.cg_shift_cbar,
+            cg_shift_cbar=scenario.aircraft.cg_shift_cbar + scenario.model_error.cg_shift_cbar,
+            fuel_kg=scenario.model_error.fuel_lbs * LB,
             turbulence=scenario.atmosphere.turbulence,
             seed=int(air_seed.generate_state(1)[0] >> 1),
             effectiveness=effectiveness(0),
@@ -158,16 +160,38 @@ def assemble(plan: Plan) -> Flight:
         law=_law(scenario, design),
         adaptation=Adaptation(
             enabled=adaptation.enabled,
-            estimator=names.index(adaptation.estimator) if adaptation.enabled else 0,
+            estimator=names.index(adaptation.estimator) if adaptation.enabled and not adaptation.oracle else 0,
             floor=adaptation.floor,
             feedback=adaptation.feedback,
             min_rad=aircraft.actuator.min_rad,
             max_rad=aircraft.actuator.max_rad,
+            caution=adaptation.caution,
+            oracle=adaptation.enabled and adaptation.oracle,
+            trim_rad=point.elevator_rad,
+            peak_per_reference=peak_deflection(design, plan.gains, scenario.command.filter_rad_s)
+            if adaptation.limit_command and plan.gains
+            else None,
         ),
         estimators=[registry.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators],
         alpha_trim_rad=point.alpha_rad,
         floor_m=min(0.0, scenario.condition.altitude_ft * FT - _ROOM_M),
+        delay_ticks=scenario.rates.delay_ticks,
     )
+
+
+def _mistaken(onboard: OnBoard, error: ModelError) -> OnBoard:
+    """Return what is on board with the scenario's errors in the pitching moment."""
+    design, schedule = onboard.design, onboard.schedule
+    if (error.cm_alpha, error.cm_q, error.cm_delta) == (1.0, 1.0, 1.0):
+        return onboard
+    A, b = design.A.copy(), design.b.copy()
+    A[1] *= error.cm_alpha, error.cm_q
+    b[1] *= error.cm_delta
+    if schedule:
+        schedule = schedule.scaled(
+            cm_alpha=error.cm_alpha, cm_q=error.cm_q, cm_delta=error.cm_delta, about_rad=design.alpha_trim_rad
+        )
+    return dataclasses.replace(onboard, design=dataclasses.replace(design, A=A, b=b), schedule=schedule)
 
 
 def fly(scenario: Scenario) -> Iterator[Sample]:

@@ -19,8 +19,8 @@ _BUILT_IN = MappingProxyType(
     {
         "commands": {"doublet": "doublet", "constant": "constant", "none": "none"},
         "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral"},
-        "failures": {"effectiveness": "effectiveness"},
-        "estimators": {"loop-gain": "loop_gain"},
+        "failures": {"effectiveness": "effectiveness", "ramp": "ramp"},
+        "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls"},
     }
 )
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, get_args
 
 import tomli_w
@@ -13,9 +13,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic_core import PydanticCustomError
 
 from flightbed import data, registry
+from flightbed.consistency import contradictions, idle_keys
 from flightbed.errors import ScenarioError, did_you_mean
-from flightbed.idle import idle_keys
 from flightbed.override import override
+from flightbed.wording import brief, message
 
 
 def _between(low: float, high: float, *, open_low: bool = False) -> AfterValidator:
@@ -63,17 +64,19 @@ class AircraftSettings(_Table):
 
 
 class Condition(_Table):
-    """Where the flight starts, trimmed."""
+    """Where the flight starts, trimmed; gamma is the flight-path angle, up positive."""
 
     mach: Positive = 0.8
     altitude_ft: Annotated[float, _between(0, 60000)] = 20000.0
+    gamma_deg: Annotated[float, _between(-60, 60)] = 0.0
 
 
 class Rates(_Table):
-    """The plant rate is an integer multiple of the control rate."""
+    """The plant rate is an integer multiple of the control rate; a command reaches the actuator delay_ticks control ticks late."""
 
     control_hz: Annotated[int, _between(10, 1000)] = 100
     plant_hz: Annotated[int, _between(10, 2000)] = 200
+    delay_ticks: Annotated[int, _between(0, 100)] = 0
 
     @model_validator(mode="after")
     def _divide(self) -> Rates:
@@ -118,13 +121,28 @@ class Atmosphere(_Table):
     turbulence: Literal["none", "light", "moderate", "severe"] = "none"
 
 
+class ModelError(_Table):
+    """What nobody on board knows of.
+
+    Factors on the estimators' C_m_alpha (its change from trim), C_m_q and C_m_delta; c.g. and fuel of the aircraft that flies, less those
+    of the aircraft that was trimmed and modelled.
+    """
+
+    cm_alpha: Annotated[float, _between(0, 10)] = 1.0
+    cm_q: Annotated[float, _between(0, 10)] = 1.0
+    cm_delta: Annotated[float, _between(0, 10)] = 1.0
+    cg_shift_cbar: Annotated[float, _between(-0.5, 0.5)] = 0.0
+    fuel_lbs: float = 0.0
+
+
 class Failure(_Table):
-    """Loss of effectiveness: from at_s on, the surface keeps the share `to`."""
+    """Loss of effectiveness: from at_s on, the surface keeps the share `to`; a ramp gets there over_s later."""
 
     kind: Annotated[str, _registered("failures")] = "effectiveness"
     surface: Literal["elevator"] = "elevator"
     at_s: NonNegative
     to: Share
+    over_s: Positive = 2.0
 
 
 class Control(_Table):
@@ -144,12 +162,15 @@ class Control(_Table):
 
 
 class Adaptation(_Table):
-    """Correction by 1/K-hat, from one of the estimators."""
+    """Correction by 1/K-hat, from one of the estimators; the oracle is told the true K, for studies."""
 
     enabled: bool = False
     estimator: str = ""
     floor: Annotated[float, _between(0, 1, open_low=True)] = 0.08
     feedback: Literal["effective", "position"] = "effective"
+    caution: Annotated[float, _between(0, 10)] = 0.0
+    limit_command: bool = False
+    oracle: bool = False
 
 
 class Prior(_Table):
@@ -164,8 +185,24 @@ class Prior(_Table):
     effectiveness_std: Positive = 0.63
 
 
+# What a loop-gain estimator is without a word about it: by the model that it works on. On the short period it is the thesis's.
+_BY_MODEL = MappingProxyType(
+    {
+        "short-period": MappingProxyType(
+            {
+                "alarm_threshold": 0.0,
+                "follow_disturbances": False,
+                "hold_std": 0.0,
+                "alpha_disturbance_deg_s": 0.6,
+                "q_disturbance_deg_s2": 6.0,
+            }
+        )
+    }
+)
+
+
 class EstimatorSettings(_Table):
-    """One estimator; several may run side by side, at most one adapts."""
+    """One estimator; several may run side by side, at most one adapts. The defaults of some keys depend on the model."""
 
     name: Identifier
     kind: Annotated[str, _registered("estimators")] = "loop-gain"
@@ -176,12 +213,17 @@ class EstimatorSettings(_Table):
     forgetting: Annotated[float, _between(0.5, 1)] = 0.98
     smoothing: Annotated[float, _between(0, 0.9999)] = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
-    alarm_threshold: NonNegative = 0.0
-    follow_disturbances: bool = False
-    hold_std: NonNegative = 0.0
-    alpha_disturbance_deg_s: NonNegative = 0.6
-    q_disturbance_deg_s2: NonNegative = 6.0
+    alarm_threshold: NonNegative = 36.0
+    follow_disturbances: bool = True
+    hold_std: NonNegative = 0.3
+    alpha_disturbance_deg_s: NonNegative = 0.05
+    q_disturbance_deg_s2: NonNegative = 0.3
     prior: Prior = Prior()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_model(cls, raw: Any) -> Any:
+        return {**_BY_MODEL.get(str(raw.get("model")), {}), **raw} if isinstance(raw, Mapping) else raw
 
     @model_validator(mode="after")
     def _ordered(self) -> EstimatorSettings:
@@ -204,6 +246,7 @@ class Scenario(_Table):
     command: Command = Command()
     sensors: Sensors = Sensors()
     atmosphere: Atmosphere = Atmosphere()
+    model_error: ModelError = ModelError()
     failures: tuple[Failure, ...] = ()
     control: Control = Control()
     adaptation: Adaptation = Adaptation()
@@ -216,28 +259,7 @@ class Scenario(_Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
-        problems = []
-        if abs(self.duration_s * self.rates.control_hz - self.ticks) > 1e-6 or self.ticks < 1:
-            problems.append(
-                f"duration_s: must be a whole number of ticks of 1/{self.rates.control_hz} s (got {self.duration_s:g})"
-            )
-        problems += [
-            f"failures.{i}.at_s: must be no later than the last tick, {(self.ticks - 1) / self.rates.control_hz:g} s (got {failure.at_s:g})"
-            for i, failure in enumerate(self.failures)
-            if failure.at_s * self.rates.control_hz > self.ticks - 1 + 1e-6
-        ]
-        names = [estimator.name for estimator in self.estimators]
-        problems += [
-            f"estimators.{i}.name: must be unique (got '{name}' twice)"
-            for i, name in enumerate(names)
-            if name in names[:i]
-        ]
-        if self.adaptation.enabled and self.adaptation.estimator not in names:
-            problems.append(
-                f"adaptation.estimator: no estimator is named '{self.adaptation.estimator}'"
-                f"{did_you_mean(self.adaptation.estimator, names)}; there is: {', '.join(names) or 'none'}"
-            )
-        if problems:
+        if problems := contradictions(self):
             raise PydanticCustomError("consistency", "{problems}", {"problems": "\n".join(problems)})
         return self
 
@@ -306,9 +328,9 @@ def _problems(error: ValidationError, place: str, overridden: Collection[str]) -
             by_override = any(k == key or k.startswith(f"{key}.") for k in overridden)
             problems.append(f"{'--set' if by_override else place}: unknown key {key}{hint}")
         else:
-            message = _MESSAGES.get(item["type"], _plain)(item)
-            got = "" if item["type"] in ("missing", "rates", "bounds", "poles") else f" (got {_brief(item['input'])})"
-            problems.append(f"{where}: {message}{got}")
+            text = message(item)
+            got = "" if item["type"] in ("missing", "rates", "bounds", "poles") else f" (got {brief(item['input'])})"
+            problems.append(f"{where}: {text}{got}")
     return problems
 
 
@@ -326,31 +348,3 @@ def _known_keys(loc: Sequence[int | str]) -> list[str]:
         ]
         model = inner[0]
     return [f.alias or n for n, f in model.model_fields.items()]
-
-
-def _brief(value: Any) -> str:
-    text = (
-        re.sub(r"[()]", lambda m: "[" if m[0] == "(" else "]", repr(value).replace(",)", ")"))
-        if isinstance(value, tuple)
-        else repr(value)
-    )
-    return text if len(text) <= 40 else text[:37] + "..."
-
-
-def _plain(item: Any) -> str:
-    text: str = item["msg"]
-    return re.sub(r"^Input should be", "must be", text[:1].upper() + text[1:]) if text.startswith("Input") else text
-
-
-_MESSAGES: dict[str, Callable[[Any], str]] = {
-    "missing": lambda _: "is missing",
-    "string_pattern_mismatch": lambda _: "must be letters, digits, - and _, and start with a letter or digit",
-    "model_type": lambda _: "must be a table",
-    "float_type": lambda _: "must be a number",
-    "int_type": lambda _: "must be a whole number",
-    "bool_type": lambda _: "must be true or false",
-    "string_type": lambda _: "must be a string",
-    "finite_number": lambda _: "must be finite",
-    "too_long": lambda item: f"must have {item['ctx']['max_length']} values",
-    "tuple_type": lambda _: "must be a list",
-}

@@ -3,9 +3,9 @@
     alpha' = q + [qbar (n + n_delta(d)) + (qbar/V) n_q q + g cos-terms + thrust] / V
     q'     =      qbar (m + m_delta(d)) + (qbar/V) m_q q + thrust moment
 
-with d the deflection that acts (K times position), qbar from Mach number and altitude, gravity by attitude. The coefficients are tables over
-(Mach, alpha), bilinear between nodes; n_delta and m_delta are piecewise linear in d as well. Nodes lie on the breakpoints of the
-aircraft's own tables, a pair on either side of each, so that a switch is a step here too.
+with d the deflection that acts (K times position), qbar from Mach number and altitude, gravity by attitude. The coefficients are
+tables over (Mach, alpha), bilinear between nodes; n_delta and m_delta are piecewise linear in d as well. Nodes lie on the
+breakpoints of the aircraft's own tables, a pair on either side of each, so that a switch is a step here too.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from flightbed.units import DEG, G0
 
 Array = npt.NDArray[np.float64]
 
-_FORMAT = 1  # of the file in the cache: change it when what is tabulated changes
+_FORMAT = 2  # of the file in the cache: change it when what is tabulated changes
 MACHS, ALPHAS_RAD = (0.2, 2.0), (-10.0 * DEG, 45.0 * DEG)
 _FILL_RAD, _BESIDE = 1.0 * DEG, 1e-7
 _PROBE_Q = 0.1
@@ -44,6 +44,7 @@ class Schedule:
             the two with q per Pa s/m and rad/s.
         thrust_n: (M, H) at the throttle that is set.
         per_newton: (3,) accelerations along body x and z (m/s^2) and in pitch (rad/s^2) per N of thrust.
+        span_m: wing span, by which a gust's gradient becomes a pitch rate; (1,).
 
     """
 
@@ -54,6 +55,7 @@ class Schedule:
     coefficients: Array
     thrust_n: Array
     per_newton: Array
+    span_m: Array
 
     @property
     def nbytes(self) -> int:
@@ -64,7 +66,9 @@ class Schedule:
         """Return all of it as one array, as ``estimation.pitch_model`` reads it."""
         parts = (self.mach, self.alpha_rad, self.elevator_rad, self.altitude_m)
         sizes = [float(len(p)) for p in parts]
-        return np.concatenate([sizes, self.per_newton, *parts, self.thrust_n.ravel(), self.coefficients.ravel()])
+        return np.concatenate(
+            [sizes, self.per_newton, self.span_m, *parts, self.thrust_n.ravel(), self.coefficients.ravel()]
+        )
 
     def with_throttle(self, airframe: Airframe, throttle: float) -> Schedule:
         """Return the schedule with the thrust of another throttle setting."""
@@ -108,7 +112,7 @@ def build_schedule(airframe: Airframe, *, throttle: float) -> Schedule:
             def rates(
                 q: float, d: float, a: float = a, speed: float = speed, thrust: Array = thrust
             ) -> tuple[float, float]:
-                """Normal and pitch acceleration by aerodynamics alone; level, theta = alpha."""
+                """Return normal and pitch acceleration by aerodynamics alone; level, theta = alpha."""
                 r = airframe.respond(Motion(speed, a, a, q, airframe.altitude_m), Controls(d, throttle)).rates
                 normal = (r.alpha - q) * speed - G0 - (thrust[1] * np.cos(a) - thrust[0] * np.sin(a))
                 return float(normal), r.q - float(thrust[2])
@@ -120,9 +124,8 @@ def build_schedule(airframe: Airframe, *, throttle: float) -> Schedule:
             for k, d in enumerate(elevator.tolist()):
                 nd, md = rates(0.0, d)
                 row[BY_ELEVATOR + k], row[BY_ELEVATOR + E + k] = (nd - n) / qbar, (md - m) / qbar
-    return Schedule(
-        mach, alpha, elevator, altitude, table, _thrust(airframe, throttle, mach, altitude), np.array(per_newton)
-    )
+    thrusts = _thrust(airframe, throttle, mach, altitude)
+    return Schedule(mach, alpha, elevator, altitude, table, thrusts, per_newton, np.array([airframe.span_m]))
 
 
 def load_schedule(airframe: Airframe, *, throttle: float, fingerprint: Sequence[str]) -> Schedule:

@@ -8,6 +8,7 @@ DEG = 0.017453292519943295  # rad
 FT = 0.3048  # m, exact by definition
 INCH = 0.0254  # m, exact by definition
 KT = 0.5144444444444445  # m/s: 1852 m per hour
+LB = 0.45359237  # kg, exact by definition
 LBF = 4.4482216152605  # N
 G0 = 9.80665  # m/s^2, standard gravity
 

@@ -20,6 +20,12 @@ class Adaptation:
         floor: smallest K-hat that is believed; bounds the loop gain.
         feedback: ``"effective"`` or ``"position"``.
         min_rad, max_rad: stops of the elevator; the command is cut there.
+        caution: c in K-hat + (c sigma)^2 / K-hat, the divisor. With c = 1 the deflection that then acts has the least mean square
+            error over what K may be: E (K u - d)^2 is least at u = d K-hat / (K-hat^2 + sigma^2) (the cautious controller of
+            Astrom and Wittenmark, Adaptive Control, 2nd ed., S 7.4). 0 takes K-hat for certain.
+        oracle: believe the true K instead of an estimate; for studies of what an estimate costs.
+        trim_rad: elevator of trim.
+        peak_per_reference: largest deflection from trim that a step of the reference asks for, per rad/s; None never limits it.
 
     """
 
@@ -29,12 +35,27 @@ class Adaptation:
     feedback: str
     min_rad: float
     max_rad: float
+    caution: float = 0.0
+    oracle: bool = False
+    trim_rad: float = 0.0
+    peak_per_reference: float | None = None
 
-    def believed(self, effectiveness_smoothed: float) -> float:
-        """Return the K-hat to divide by."""
+    def believed(self, effectiveness_smoothed: float, std: float = 0.0) -> float:
+        """Return the K-hat to divide by, from the smoothed estimate and its standard deviation."""
         if not self.enabled:
             return 1.0
-        return effectiveness_smoothed if effectiveness_smoothed > self.floor else self.floor
+        floored = effectiveness_smoothed if effectiveness_smoothed > self.floor else self.floor
+        if not self.caution:
+            return floored
+        return min(max(1.0, floored), floored + (self.caution * std) ** 2 / floored)
+
+    def reference(self, q_ref_rad_s: float, believed: float) -> float:
+        """Return the reference, cut to what the deflection that is left can follow, rad/s."""
+        if self.peak_per_reference is None or not self.enabled:
+            return q_ref_rad_s
+        left = min(believed * self.max_rad - self.trim_rad, self.trim_rad - believed * self.min_rad)
+        limit = max(0.0, left) / self.peak_per_reference
+        return -limit if q_ref_rad_s < -limit else limit if q_ref_rad_s > limit else q_ref_rad_s
 
     def elevator_feedback(self, elevator_rad: float, believed: float) -> float:
         """Return the deflection that the law is fed, rad."""

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flightbed.control.base import Gains
 from flightbed.errors import DesignError
-from flightbed.short_period import ShortPeriod
+from flightbed.short_period import ShortPeriod, zero_order_hold
 
 Matrix = npt.NDArray[np.float64]
 
@@ -73,6 +73,26 @@ def closed_loop(design: ShortPeriod, gains: Gains, *, effectiveness: float = 1.0
         return A + np.outer(b, feedback)
     A4, b4 = _with_integrator(A, b)
     return A4 + np.outer(b4, [*feedback, correction * gains.integral])
+
+
+def peak_deflection(design: ShortPeriod, gains: Gains, filter_rad_s: float) -> float:
+    """Return the largest deflection from trim that acts after a step of the command, healthy, rad per rad/s; over 5 s at 200 Hz.
+
+    The step passes the prefilter, as it does in flight.
+    """
+    A = closed_loop(design, gains)
+    b = np.zeros(len(A))
+    b[2] = design.actuator_rad_s * gains.reference
+    if gains.integral:
+        b[3] = 1.0
+    held = zero_order_hold(A, b, 1.0 / 200.0)
+    keep = np.exp(-filter_rad_s / 200.0) if filter_rad_s else 0.0
+    x, r, peak = np.zeros(len(A)), 0.0, 0.0
+    for _ in range(1000):
+        r = keep * r + (1.0 - keep)
+        x = held.A @ x + held.b * r
+        peak = max(peak, abs(float(x[2])))
+    return peak
 
 
 def _with_integrator(A: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:

@@ -166,7 +166,7 @@ def start(X: Array, P: Array, slot: int, x0: Array, P0: Array, anchor: bool, z: 
 
 
 @compiled
-def disturbance(bank: Array, settings: Array, model: Array, u: float, z: tuple[float, float], Q: Array) -> None:
+def disturbance(bank: Array, settings: Array, model: Array, u: float, z: tuple[float, float], k: int, Q: Array) -> None:
     """Add to Q what the readings show of disturbances, so that sigma and alarms hold in rough air too.
 
     The residual of one step from reading to reading, e = z - (A z_last + b K u + c), sums up the disturbances; in a leaky sum over
@@ -175,7 +175,7 @@ def disturbance(bank: Array, settings: Array, model: Array, u: float, z: tuple[f
 
     """
     state = bank[24:, 0]
-    leak, slow = 1.0 - 1.0 / 15.0, 1.0 / 300.0
+    leak, slow = 1.0 - 1.0 / 15.0, max(1.0 / 300.0, 1.0 / (k + 20.0))
     x0, x1 = state[12], state[13]
     for i in range(2):
         e = z[i] - (model[i, 0] * x0 + model[i, 1] * x1 + model[i, 2] * state[0] * u + model[i, 3])
@@ -192,8 +192,9 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
 
     Filter w has seen the data since its start alone. With I the information on K in them and k_w the K that they alone say,
     (k_w - level)^2 / (1/I + var level) is twice the log likelihood ratio for a change at its start, and the largest of them the
-    generalized likelihood ratio over the time of the change (Willsky and Jones 1976), here from filters that run anyhow. Beyond the threshold the filter
-    that has it gives the estimate until it has seen a full window, and while it is young a likelier start replaces it.
+    generalized likelihood ratio over the time of the change (Willsky and Jones 1976), here from filters that run anyhow. Beyond the
+    threshold the filter that has it gives the estimate until it has seen a full window, and while it is young a likelier start
+    replaces it.
 
     """
     W = bank.shape[1]
@@ -270,7 +271,7 @@ def tick(
     else:
         Q = settings[0:4].copy().reshape((2, 2))
         if adaptive:
-            disturbance(bank, settings, model, u, z, Q)
+            disturbance(bank, settings, model, u, z, k, Q)
         predict(X, P, T, model, u, Q, inflation)
         correct(X, P, T, _IDENTITY, r, z)
         if k >= W:
@@ -318,9 +319,10 @@ def new_bank(filters: int) -> Array:
 
     These are: 0 smoothed K-hat; level of K that alarms are raised against, 1 itself and 2 its variance; adopted filter, 3 which and
     4 the tick of its start; 5, 6 the level before the last alarm, 7 its tick, 14 the earliest start that may replace the adopted one;
-    8, 9 leaky sums of residuals and 10, 11 their mean squares; 12, 13 last readings; 15 number of alarms.
+    8, 9 leaky sums of residuals and 10, 11 their mean squares; 12, 13 last readings; 15 number of alarms; 16 leaky sum of the
+    residuals of alpha from which the gust's pitch rate is told, 17 its mean square.
     """
-    return np.zeros((40, filters))
+    return np.zeros((42, filters))
 
 
 def pack_settings(

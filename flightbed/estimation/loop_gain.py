@@ -26,10 +26,11 @@ class LoopGainConfig:
         forgetting: lambda in (0, 1]; 1 forgets nothing.
         smoothing: s in K_s+ = s K_s + (1 - s) K-hat, started at 1 (Sillence eq (85)).
         bounds: lowest and highest K-hat that is passed on.
-        alarm_threshold: generalized likelihood ratio beyond which a change of K is declared and the window shortened to the data since it;
-            0 for no test. A window only.
-        follow_disturbances: raise the process noise to what the readings show.
-        hold_std: standard deviation with which the last smoothed estimate stands in for the prior of K when a window says little; 0 for not.
+        alarm_threshold: generalized likelihood ratio beyond which a change of K is declared and the window shortened to the data
+            since it; 0 for no test. A window only.
+        follow_disturbances: raise the process noise to what the readings show, and, on a schedule, take off the gust's pitch rate.
+        hold_std: standard deviation with which the last smoothed estimate stands in for the prior of K when a window says little;
+            0 for not.
         absolute: x' = A x + b (K delta - delta_trim): K scales the whole deflection, as on the aircraft. Otherwise
             x' = A x + K b (delta - delta_trim), the thesis's form, for a plant whose trim does not depend on K.
         scheduled: the model is the schedule, not the short period at the trim point; the input is then absolute.

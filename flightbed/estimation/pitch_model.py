@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, exp, sin, sqrt
+from math import cos, exp, pi, sin, sqrt
 
 import numpy as np
 
@@ -58,7 +58,7 @@ def rates(
     """
     M, N, E, H = int(schedule[0]), int(schedule[1]), int(schedule[2]), int(schedule[3])
     force_x, force_z, moment = schedule[4], schedule[5], schedule[6]
-    at = 7
+    at = 8
     machs, at = schedule[at : at + M], at + M
     alphas, at = schedule[at : at + N], at + N
     elevators, at = schedule[at : at + E], at + E
@@ -111,12 +111,13 @@ def rates(
 @compiled
 def local_model(
     schedule: Array, model: Array, believed: float, dt: float, alpha: float, q: float, elevator: float,
-    mach: float, altitude_m: float, theta: float, phi: float,
+    mach: float, altitude_m: float, theta: float, phi: float, q_gust: float,
 ) -> None:  # fmt: skip
     """Write the model of one period into ``model``: (2, 4), [A | b | c] of x+ = A x + b K u + c, x = (alpha, q), u the deflection.
 
     Linearized at the measurement at the period's start and at the deflection that acts if K is as ``believed``; discretized for held
-    inputs by the series of the matrix exponential to third order (the rest is below 1e-6 at 100 Hz).
+    inputs by the series of the matrix exponential to third order (the rest is below 1e-6 at 100 Hz). The air that moves past the
+    aircraft turns at q_gust: damping acts on the difference.
 
     """
     work = np.empty((2, 4))
@@ -128,6 +129,8 @@ def local_model(
     s01 = s2 * a01 + s3 * (a00 * a01 + a01 * a11)
     s10 = s2 * a10 + s3 * (a10 * a00 + a11 * a10)
     s11 = dt + s2 * a11 + s3 * (a10 * a01 + a11 * a11)
+    work[0, 0] -= (work[0, 2] - 1.0) * q_gust
+    work[1, 0] -= work[1, 2] * q_gust
     c0 = work[0, 0] - a00 * alpha - a01 * q - work[0, 3] * believed * elevator
     c1 = work[1, 0] - a10 * alpha - a11 * q - work[1, 3] * believed * elevator
     model[0, 0], model[0, 1] = 1.0 + a00 * s00 + a01 * s10, a00 * s01 + a01 * s11
@@ -143,6 +146,10 @@ def tick(
 ) -> tuple[float, float, float, float, float, float, float, float]:  # fmt: skip
     """Advance a bank by one sample on the schedule: ``kernels.tick`` with the model of the period that ends now.
 
+    Where the process noise follows disturbances, the gust's pitch rate is taken off too. A vertical gust w that varies along the flight
+    path turns the air past the aircraft at q_g = (s/V) / (1 + 4 b s/(pi V)) w (MIL-F-8785C 3.7.2), and w/V is what alpha does that
+    the model does not account for. The sensor's share in it is kept out by a Wiener gain, 1 - noise/total.
+
     Args:
         bank, settings, k: as ``kernels.tick``; the model in the settings is overwritten.
         schedule: ``Schedule.packed()``.
@@ -157,5 +164,15 @@ def tick(
     """
     if k > 0:
         model = settings[23:31].reshape((2, 4))
-        local_model(schedule, model, bank[24, 0], dt, alpha, q, elevator, mach, altitude_m, theta, phi)
+        state = bank[24:, 0]
+        follow, r, airspeed = settings[32] > 0.0, settings[21], mach * air(altitude_m)[1]
+        rate = min(pi * airspeed / (4.0 * schedule[7]), 0.5 / dt)
+        q_gust = 0.0
+        if follow and state[17] > 0.0:
+            q_gust = rate * state[16] * max(0.0, 1.0 - 1.3 * r / state[17])
+        local_model(schedule, model, state[0], dt, alpha, q, elevator, mach, altitude_m, theta, phi, q_gust)
+        if follow:
+            told = model[0, 0] * alpha + model[0, 1] * q + model[0, 2] * state[0] * elevator + model[0, 3]
+            state[16] = (1.0 - rate * dt) * state[16] + z0 - told
+            state[17] += max(1.0 / 300.0, 1.0 / (k + 20.0)) * (state[16] * state[16] - state[17])
     return advance(bank, settings, elevator, z0, z1, k)

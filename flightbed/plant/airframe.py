@@ -39,6 +39,8 @@ _KINKS = {
 _DRY = ("turbine", "rocket")  # engines that JSBSim settles itself while time stands still
 _ELEVATOR, _THROTTLE = "fcs/elevator-cmd-norm", "fcs/throttle-cmd-norm"
 
+_BESIDE_MACH = 1e-7
+
 Engine = Literal["steady", "frozen"]
 Array = npt.NDArray[np.float64]
 
@@ -95,7 +97,12 @@ class JsbsimAirframe:
         self._fdm, self._controls = self._load(1.0 / 200.0)
         fdm = self._fdm
         fdm.set(*speeds[0])
+        # On a breakpoint of Mach number, round-off would throw switches to and fro as alpha and q are varied: step beside it.
+        for kink in kinks(aircraft, "velocities/mach"):
+            if abs(fdm.getter("ic/mach")() - kink) < _BESIDE_MACH:
+                fdm.set("ic/mach", kink - _BESIDE_MACH)
         self.airspeed_m_s, self.mach = fdm.getter("ic/vt-fps")() * FT, fdm.getter("ic/mach")()
+        self.span_m = fdm.getter("metrics/bw-ft")() * FT
         self._set = [fdm.setter(path) for path in _STATE]
         self._get = [fdm.getter(path) for path in _RESPONSE]
         engines = [_indexed("propulsion/engine", i) + "/thrust-lbs" for i in range(len(kinds))]

@@ -109,6 +109,7 @@ class Airframe(Protocol):
     airspeed_m_s: float  # of the condition
     altitude_m: float  # of the condition
     mach: float  # of the condition
+    span_m: float  # of the wing
 
     def respond(self, motion: Motion, controls: Controls) -> Response:
         """Return derivatives and load factors at a motion with the controls held there."""

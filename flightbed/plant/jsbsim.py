@@ -28,7 +28,7 @@ from flightbed.errors import AircraftError, UnknownNameError
 from flightbed.signals import Truth
 from flightbed.stock import StockAircraft, engine_names, read_stock, references
 from flightbed.tables import breakpoints
-from flightbed.units import FT, INCH
+from flightbed.units import FT, INCH, LB
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
 _TURBULENCE_MODEL = 4  # MIL-F-8785C spectra, Tustin-discretized (JSBSim's ttTustin)
@@ -164,6 +164,18 @@ class Fdm:
         if self.has("propulsion/set-running"):  # not in a glider
             self.set("propulsion/set-running", -1)
 
+    def add_fuel(self, fuel_kg: float) -> None:
+        """Put fuel into the tanks, or take it out, in proportion to what they hold. Raises AircraftError if there is not as much."""
+        if not fuel_kg:
+            return
+        paths = [f"propulsion/tank[{i}]/contents-lbs" if i else "propulsion/tank/contents-lbs" for i in range(99)]
+        held = {path: self.getter(path)() for path in paths if self.has(path)}
+        total = sum(held.values())
+        if total <= 0.0 or total + fuel_kg / LB < 0.0:
+            raise AircraftError(f"the tanks hold {total:.0f} lb of fuel: {-fuel_kg / LB:.0f} lb cannot be taken out")
+        for path, pounds in held.items():
+            self.set(path, pounds * (1.0 + fuel_kg / LB / total))
+
     def settle_engines(self) -> None:
         """Run engines and propellers to their steady state, with the aircraft held."""
         self.exec.get_propulsion().get_steady_state()
@@ -236,6 +248,7 @@ class JsbsimPlant:
         turbulence: ``"none"``, ``"light"``, ``"moderate"`` or ``"severe"`` (MIL-F-8785C, Tustin).
         seed: of the turbulence.
         effectiveness: share of the elevator's deflection that acts from the start; the trim does not know of it.
+        fuel_kg: fuel more than the model's file says, spread over the tanks in proportion; the trim does not know of it.
 
     """
 
@@ -250,11 +263,13 @@ class JsbsimPlant:
         turbulence: str = "none",
         seed: int = 0,
         effectiveness: float = 1.0,
+        fuel_kg: float = 0.0,
     ) -> None:
         self._fdm = fdm = Fdm(aircraft, 1.0 / plant_hz)
         self._substeps = plant_hz // control_hz
         self._stops = aircraft.actuator.min_rad, aircraft.actuator.max_rad
         fdm.configure(altitude_m=start.altitude_m, cg_shift_cbar=cg_shift_cbar)
+        fdm.add_fuel(fuel_kg)
         fdm.set("ic/vt-fps", start.airspeed_m_s / FT)
         fdm.set("ic/alpha-rad", start.alpha_rad)
         fdm.set("ic/gamma-rad", start.theta_rad - start.alpha_rad)
