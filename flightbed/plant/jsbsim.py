@@ -31,6 +31,7 @@ from flightbed.tables import breakpoints
 from flightbed.units import FT, INCH, LB
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
+_BREEZE_FPS = 1e-6
 _TURBULENCE_MODEL = 4  # MIL-F-8785C spectra, Tustin-discretized (JSBSim's ttTustin)
 # MIL-F-8785C: above 2000 ft JSBSim's index of the exceedance curve; below 1000 ft the wind at 20 ft, 15, 30 and 45 kt.
 _SEVERITY = MappingProxyType({"light": (3, 25.3), "moderate": (4, 50.6), "severe": (6, 75.9)})
@@ -281,6 +282,9 @@ class JsbsimPlant:
         fdm.settle()
         if turbulence != "none":  # after the last run_ic: the Tustin filters divide by dt, which is 0 in there
             fdm.set("simulation/randomseed", seed)
+            # The gusts' axes follow the wind, and with none their direction is round-off: 0 or pi, and with it the sign of the gust's
+            # pitch rate. In a wind from ahead (flights begin heading north) the air ahead reaches the nose first.
+            fdm.set("atmosphere/wind-north-fps", -_BREEZE_FPS)
             curve, wind_fps = _SEVERITY[turbulence]
             fdm.set("atmosphere/turbulence/milspec/severity", curve)
             fdm.set("atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps", wind_fps)
