@@ -213,7 +213,7 @@ class EstimatorSettings(_Table):
     forgetting: Annotated[float, _between(0.5, 1)] = 0.98
     smoothing: Annotated[float, _between(0, 0.9999)] = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
-    alarm_threshold: NonNegative = 36.0
+    alarm_threshold: NonNegative = 30.0
     follow_disturbances: bool = True
     hold_std: NonNegative = 0.3
     alpha_disturbance_deg_s: NonNegative = 0.05

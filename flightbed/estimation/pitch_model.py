@@ -112,12 +112,12 @@ def rates(
 def local_model(
     schedule: Array, model: Array, believed: float, dt: float, alpha: float, q: float, elevator: float,
     mach: float, altitude_m: float, theta: float, phi: float, q_gust: float,
-) -> None:  # fmt: skip
+) -> float:  # fmt: skip
     """Write the model of one period into ``model``: (2, 4), [A | b | c] of x+ = A x + b K u + c, x = (alpha, q), u the deflection.
 
     Linearized at the measurement at the period's start and at the deflection that acts if K is as ``believed``; discretized for held
     inputs by the series of the matrix exponential to third order (the rest is below 1e-6 at 100 Hz). The air that moves past the
-    aircraft turns at q_gust: damping acts on the difference.
+    aircraft turns at q_gust: damping acts on the difference. Returns the damping, d q'/d q, 1/s.
 
     """
     work = np.empty((2, 4))
@@ -137,6 +137,7 @@ def local_model(
     model[1, 0], model[1, 1] = a10 * s00 + a11 * s10, 1.0 + a10 * s01 + a11 * s11
     model[0, 2], model[1, 2] = s00 * work[0, 3] + s01 * work[1, 3], s10 * work[0, 3] + s11 * work[1, 3]
     model[0, 3], model[1, 3] = s00 * c0 + s01 * c1, s10 * c0 + s11 * c1
+    return float(work[1, 2])
 
 
 @compiled
@@ -167,12 +168,15 @@ def tick(
         state = bank[24:, 0]
         follow, r, airspeed = settings[32] > 0.0, settings[21], mach * air(altitude_m)[1]
         rate = min(pi * airspeed / (4.0 * schedule[7]), 0.5 / dt)
-        q_gust = 0.0
-        if follow and state[17] > 0.0:
-            q_gust = rate * state[16] * max(0.0, 1.0 - 1.3 * r / state[17])
-        local_model(schedule, model, state[0], dt, alpha, q, elevator, mach, altitude_m, theta, phi, q_gust)
+        share = max(0.0, 1.0 - 1.3 * r / state[17]) if follow and state[17] > 0.0 else 0.0
+        last = state[16]
+        damping = local_model(
+            schedule, model, state[0], dt, alpha, q, elevator, mach, altitude_m, theta, phi, share * rate * last
+        )
         if follow:
             told = model[0, 0] * alpha + model[0, 1] * q + model[0, 2] * state[0] * elevator + model[0, 3]
-            state[16] = (1.0 - rate * dt) * state[16] + z0 - told
+            state[16] = (1.0 - rate * dt) * last + z0 - told
             state[17] += max(1.0 / 300.0, 1.0 / (k + 20.0)) * (state[16] * state[16] - state[17])
+            # The mean over a period of two frames, each under the gust at its beginning, has a quarter of the new value.
+            model[1, 3] -= damping * dt * share * rate * 0.25 * (state[16] - last)
     return advance(bank, settings, elevator, z0, z1, k)
