@@ -49,15 +49,15 @@ def _share(results: list[Result], inside: Callable[[Result, np.ndarray], np.ndar
 
 def _in_band(result: Result, since: np.ndarray) -> np.ndarray:
     t = result.trace
-    error = np.abs(t["window.effectiveness"] - t["effectiveness_true"])
+    error = np.abs(t["scheduled.effectiveness"] - t["effectiveness_true"])
     inside: np.ndarray = (error <= 0.2 * t["effectiveness_true"])[since]
     return inside
 
 
 def _covered(result: Result, since: np.ndarray) -> np.ndarray:
     t = result.trace
-    error = np.abs(t["window.effectiveness_raw"] - t["effectiveness_true"])
-    inside: np.ndarray = (error <= 2.0 * t["window.effectiveness_std"])[since]
+    error = np.abs(t["scheduled.effectiveness_raw"] - t["effectiveness_true"])
+    inside: np.ndarray = (error <= 2.0 * t["scheduled.effectiveness_std"])[since]
     return inside
 
 
@@ -71,7 +71,7 @@ def main(seeds: int) -> None:
             return _spread([get(r.metrics) for r in flown], spec)
 
         def window(get: Callable[[EstimatorMetrics], float | None], spec: str, flown: list[Result] = results) -> str:
-            return _spread([get(r.metrics.estimators["window"]) for r in flown], spec)
+            return _spread([get(r.metrics.estimators["scheduled"]) for r in flown], spec)
 
         print(f"\n{label}: departed {sum(r.metrics.departed for r in results)} / {seeds}")
         print(f"  departed at, s                  {column(lambda m: m.departed_at_s, '.2f')}")

@@ -8,7 +8,7 @@ import numpy as np
 
 from flightbed.aircraft import Actuator
 from flightbed.metrics import at_stop
-from flightbed.scenario import Scenario
+from flightbed.scenario import Failure, Scenario
 from flightbed.trace import Trace
 
 
@@ -50,22 +50,33 @@ def outcome(summary: dict[str, Any]) -> str:
 
 def failures(scenario: Scenario) -> list[str]:
     """Return the failures of a scenario in words."""
-    return [f"at {f.at_s:g} s the {f.surface} keeps {f.to:.0%} of its effect" for f in scenario.failures]
+    return [f"at {f.at_s:g} s {_happens(f)}" for f in scenario.failures]
+
+
+def _happens(failure: Failure) -> str:
+    if failure.kind == "ramp":
+        return f"the {failure.surface} begins to go to {failure.to:.0%} of its effect, over {failure.over_s:g} s"
+    return f"the {failure.surface} keeps {failure.to:.0%} of its effect"
 
 
 def events(
     scenario: Scenario, trace: Trace, summary: dict[str, Any], actuator: Actuator
 ) -> list[tuple[float, str, bool]]:
     """Return (time in s, text, severe) of what happened, in order of time."""
-    happened = [
-        (f.at_s, f"FAILURE: {f.surface} keeps {f.to:.0%} of its effect", True)
-        for f in scenario.failures
-        if f.at_s <= trace["t_s"][-1]
-    ]
+    happened = [(f.at_s, f"FAILURE: {_happens(f)}", True) for f in scenario.failures if f.at_s <= trace["t_s"][-1]]
     failed_at = summary["failed_at_s"]
     for name, m in summary["estimators"].items():
         if m["first_within_20pct_s"] is not None:
             happened.append((failed_at + m["first_within_20pct_s"], f"K of '{name}' within 20 % of the truth", False))
+        alarms = trace[f"{name}.alarms"]
+        happened += [
+            (
+                float(trace["t_s"][i]),
+                f"'{name}' declares a change of K, to {trace[f'{name}.effectiveness'][i]:.2f}",
+                False,
+            )
+            for i in np.flatnonzero(np.diff(alarms, prepend=0.0) > 0.0)
+        ]
     cut = at_stop(trace, actuator)
     rising = np.flatnonzero(cut & ~np.concatenate([[False], cut[:-1]]))
     happened += [(float(trace["t_s"][i]), "elevator command at its stop", False) for i in rising]

@@ -32,7 +32,11 @@ class EstimatorMetrics:
         first_within_20pct_s: first entry of K-hat into +-20 % of the true K.
         first_within_20pct_smoothed_s: the same of the smoothed K-hat.
         nis_mean: mean normalized innovation squared; 2 (the number of measurements) if the filter's model holds.
-        detected_at_s: when the estimator declared a failure; None for those without a test.
+        detected_at_s: first alarm after the failure; None for estimators without a test, too.
+        false_alarms: alarms before the failure.
+        nees_mean_post: mean of ((K-hat - K) / sigma)^2 from 0.3 s after the failure, before the bounds; 1 if sigma is honest.
+        efficiency: mean square that the Cramer-Rao bound of its column ``effectiveness_bound`` allows over the mean square error; None
+            without a schedule to compute it from.
 
     """
 
@@ -44,6 +48,9 @@ class EstimatorMetrics:
     first_within_20pct_smoothed_s: float | None
     nis_mean: float | None
     detected_at_s: float | None = None
+    false_alarms: int = 0
+    nees_mean_post: float | None = None
+    efficiency: float | None = None
 
 
 @dataclass(frozen=True)
@@ -104,6 +111,12 @@ def _estimator(
 
     return EstimatorMetrics(
         final=_finite(estimate[-1]),
+        detected_at_s=_detected(trace, name, failed),
+        false_alarms=int(np.max(trace[f"{name}.alarms"][pre], initial=0.0)),
+        nees_mean_post=_mean(
+            (((trace[f"{name}.effectiveness_raw"] - truth) / trace[f"{name}.effectiveness_std"])[post]) ** 2
+        ),
+        efficiency=_efficiency(trace, estimate - truth, post),
         median_abs_error_post=_finite(np.median(np.abs(estimate - truth)[post])) if post.any() else None,
         rms_error_smoothed_post=_rms((smoothed - truth)[post]),
         std_pre=_finite(np.std(estimate[pre])) if pre.any() else None,
@@ -111,6 +124,26 @@ def _estimator(
         first_within_20pct_smoothed_s=first_within(smoothed),
         nis_mean=_finite(np.mean(nis[1:])) if len(nis) > 1 else None,
     )
+
+
+def _detected(trace: Trace, name: str, failed: npt.NDArray[np.bool_]) -> float | None:
+    """Return the time from the failure to the first alarm after it."""
+    alarms, t = trace[f"{name}.alarms"], trace["t_s"]
+    raised = np.flatnonzero(failed & (np.diff(alarms, prepend=0.0) > 0.0))
+    return round(float(t[raised[0]] - t[failed][0]), 9) if raised.size else None
+
+
+def _efficiency(trace: Trace, error: Vector, post: npt.NDArray[np.bool_]) -> float | None:
+    """Return the mean square that the Cramer-Rao bound allows over the mean square that was had."""
+    if "effectiveness_bound" not in trace.columns:
+        return None
+    best = trace["effectiveness_bound"]
+    told = post & (best < 0.5)  # elsewhere the readings say less than that K lies between 0 and 1
+    return _finite(np.mean(best[told] ** 2) / np.mean(error[told] ** 2)) if told.any() and np.any(error[told]) else None
+
+
+def _mean(values: Vector) -> float | None:
+    return _finite(np.mean(values)) if values.size else None
 
 
 def _rms(values: Vector) -> float | None:

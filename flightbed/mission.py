@@ -15,6 +15,7 @@ import numpy as np
 
 from flightbed import factories, registry
 from flightbed.aircraft import Aircraft, load_aircraft, load_path
+from flightbed.bound import bound
 from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Gains, Law
@@ -112,16 +113,7 @@ def assemble(plan: Plan) -> Flight:
     scenario, aircraft, point, design = plan.scenario, plan.aircraft, plan.trim, plan.design
     control_hz, ticks = scenario.rates.control_hz, scenario.ticks
     sensor_seed, air_seed = np.random.SeedSequence(scenario.seed).spawn(2)  # append further consumers, never insert
-    sensors = scenario.sensors
-    noise = SensorNoise(
-        sensors.alpha_std_deg * DEG,
-        sensors.q_std_deg_s * DEG,
-        sensors.elevator_std_deg * DEG,
-        sensors.mach_std,
-        sensors.altitude_std_ft * FT,
-        sensors.theta_std_deg * DEG,
-        sensors.phi_std_deg * DEG,
-    )
+    sensors, noise = scenario.sensors, _noise(scenario)
     errors = SensorErrors(sensors.alpha_bias_deg * DEG, sensors.q_bias_deg_s * DEG, sensors.mach_error)
     onboard = _mistaken(OnBoard(design, noise, control_hz, plan.schedule), scenario.model_error)
     effectiveness = healthy
@@ -168,7 +160,7 @@ def assemble(plan: Plan) -> Flight:
             caution=adaptation.caution,
             oracle=adaptation.enabled and adaptation.oracle,
             trim_rad=point.elevator_rad,
-            peak_per_reference=peak_deflection(design, plan.gains, scenario.command.filter_rad_s)
+            peak_per_reference=2.0 * peak_deflection(design, plan.gains, scenario.command.filter_rad_s)
             if adaptation.limit_command and plan.gains
             else None,
         ),
@@ -176,6 +168,19 @@ def assemble(plan: Plan) -> Flight:
         alpha_trim_rad=point.alpha_rad,
         floor_m=min(0.0, scenario.condition.altitude_ft * FT - _ROOM_M),
         delay_ticks=scenario.rates.delay_ticks,
+    )
+
+
+def _noise(scenario: Scenario) -> SensorNoise:
+    sensors = scenario.sensors
+    return SensorNoise(
+        sensors.alpha_std_deg * DEG,
+        sensors.q_std_deg_s * DEG,
+        sensors.elevator_std_deg * DEG,
+        sensors.mach_std,
+        sensors.altitude_std_ft * FT,
+        sensors.theta_std_deg * DEG,
+        sensors.phi_std_deg * DEG,
     )
 
 
@@ -223,6 +228,13 @@ def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True
         _fly(flight), estimators=[e.name for e in scenario.estimators], control_hz=scenario.rates.control_hz
     )
     wall = time.perf_counter() - began
+    if planned.schedule is not None:
+        hz, window = (
+            scenario.rates.control_hz,
+            next((e.window for e in scenario.estimators if e.memory == "window"), None),
+        )
+        at_best = bound(trace, planned.schedule, _noise(scenario), control_hz=hz, window=window)
+        trace = trace.with_column("effectiveness_bound", at_best)
     failed_at = first_failure_s(scenario)
     if failed_at is not None and failed_at > trace["t_s"][-1]:
         failed_at = None  # the flight ended before it

@@ -149,6 +149,9 @@ def _effectiveness(recording: rr.RecordingStream, trace: Trace, failed_at_s: flo
             columns=rr.Measurements.columns(values=trace[f"{name}.effectiveness"], variances=variances),
         )
         _line(recording, f"{entity}_smoothed", f"K {name}, smoothed", color, trace, f"{name}.effectiveness_smoothed")
+        _line(recording, f"sigma/{name}", f"sigma of K {name}", color, trace, f"{name}.effectiveness_std")
+    if "effectiveness_bound" in trace.columns:
+        _line(recording, "sigma/bound", "Cramer-Rao bound of sigma", _TRUTH, trace, "effectiveness_bound")
     _line(recording, "effectiveness/true", "K true", _TRUTH, trace, "effectiveness_true")
     _mark(recording, "effectiveness/failure", trace, "effectiveness_true", failed_at_s)
 
@@ -240,6 +243,7 @@ def _blueprint(trace: Trace) -> rrb.Blueprint:
     gain = plot(
         "Elevator effectiveness K", "effectiveness", rrb.ScalarAxis(range=(-0.1, min(top, 2.0)), zoom_lock=True)
     )
+    sigma = plot("Sigma of K", "sigma", rrb.ScalarAxis(range=(0.0, 0.3), zoom_lock=True))
     chase = rrb.Spatial3DView(
         name="Chase view",
         origin="/world/cg",
@@ -259,7 +263,13 @@ def _blueprint(trace: Trace) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(chase, mode, words, row_shares=[5, 1.2, 4]),
-            rrb.Vertical(plots["Pitch rate, deg/s"], gain, plots["Elevator, deg"], plots["Angle of attack, deg"], air),
+            rrb.Vertical(
+                plots["Pitch rate, deg/s"],
+                rrb.Tabs(gain, sigma),
+                plots["Elevator, deg"],
+                plots["Angle of attack, deg"],
+                air,
+            ),
             column_shares=[2, 3],
         ),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),

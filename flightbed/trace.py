@@ -82,6 +82,10 @@ class Trace:
     def __len__(self) -> int:
         return len(self.columns["t_s"])
 
+    def with_column(self, name: str, values: Vector) -> Trace:
+        """Return the trace with one more column."""
+        return Trace({**self.columns, name: values}, self.estimators)
+
     def to_pandas(self) -> pd.DataFrame:
         """Return a DataFrame with one row per tick."""
         import pandas as pd

@@ -37,7 +37,7 @@ def test_every_metric_is_explained() -> None:
     summary = json.loads(json.dumps(run(load_scenario("nominal", ["duration_s=0.5"])).summary))
     for key in summary:
         assert f"`{key}" in text or key in ("scenario", "seed"), key
-    for key in summary["estimators"]["window"]:
+    for key in summary["estimators"]["scheduled"]:
         assert key in text, key
 
 

@@ -49,7 +49,7 @@ def test_the_adaptive_flight_is_kept_over_20_seeds() -> None:
     assert [r.metrics.departed for r in outcomes] == [False] * 20
     assert all(len(r.trace) == 1650 for r in outcomes)
     assert max(np.abs(r.trace["alpha_deg"]).max() for r in outcomes) < 10.0
-    final = np.array([r.metrics.estimators["window"].median_abs_error_post for r in outcomes])
+    final = np.array([r.metrics.estimators["scheduled"].median_abs_error_post for r in outcomes])
     assert np.median(final) < 0.05
 
 
@@ -70,7 +70,7 @@ def test_nothing_fails_nothing_departs() -> None:
 def test_level_flight_shows_the_loss_without_dither() -> None:
     """No command at all: absolute deflection makes K observable; the adaptive aircraft stays, the fixed one goes."""
     adaptive = run(load_scenario("straight-and-level"))
-    assert adaptive.metrics.estimators["window"].rms_error_smoothed_post < 0.05
+    assert adaptive.metrics.estimators["scheduled"].rms_error_smoothed_post < 0.05
     assert np.abs(adaptive.trace["alpha_deg"] - adaptive.trace["alpha_deg"][0]).max() < 1.0
     assert run(load_scenario("straight-and-level", ["adaptation.enabled=false"])).metrics.departed
 
@@ -121,7 +121,7 @@ def test_the_command_is_what_law_and_correction_say(law: str, feedback: str) -> 
     result = run(load_scenario("elevator-loss", [f"control.law={law}", f"adaptation.feedback={feedback}", *harder]))
     t, gains, trim = result.trace, result.plan.gains, result.plan.trim
     assert gains is not None
-    believed = np.maximum(t["window.effectiveness_smoothed"], 0.08)
+    believed = np.maximum(t["scheduled.effectiveness_smoothed"], 0.08)
     fed = t["elevator_meas_deg"] * DEG * (believed if feedback == "effective" else 1.0)
     q, alpha, r = t["q_meas_deg_s"] * DEG, t["alpha_meas_deg"] * DEG, t["q_ref_deg_s"] * DEG
     demand = trim.elevator_rad + gains.reference * r + gains.alpha * (alpha - trim.alpha_rad) + gains.q * q
@@ -163,7 +163,7 @@ def test_the_folder_holds_what_the_contract_says(flown: Result) -> None:
     assert load_scenario(flown.folder / "scenario.toml") == flown.plan.scenario
     assert flown.plan.scenario.aircraft.sha256 == flown.plan.aircraft.sha256
     trace = read_trace(flown.folder / "trace.parquet")
-    assert trace.estimators == ("window", "expanding")
+    assert trace.estimators == ("scheduled", "expanding")
     assert set(CONTRACT_COLUMNS) <= set(trace.columns)
     for name in trace.estimators:
         assert {f"{name}.effectiveness", f"{name}.effectiveness_std", f"{name}.effectiveness_smoothed"} <= set(
@@ -177,9 +177,9 @@ def test_the_folder_holds_what_the_contract_says(flown: Result) -> None:
         "scenario", "seed", "departed", "departed_at_s", "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s", "estimators",
         "wall_time_s", "real_time_factor", "versions",
     } <= set(metrics)  # fmt: skip
-    assert set(metrics["estimators"]["window"]) == {
+    assert set(metrics["estimators"]["scheduled"]) == {
         "final", "median_abs_error_post", "rms_error_smoothed_post", "std_pre", "first_within_20pct_s",
-        "first_within_20pct_smoothed_s", "nis_mean", "detected_at_s",
+        "first_within_20pct_smoothed_s", "nis_mean", "detected_at_s", "false_alarms", "nees_mean_post", "efficiency",
     }  # fmt: skip
 
 
@@ -192,7 +192,7 @@ def test_units_are_in_the_column_metadata(flown: Result) -> None:
     assert units["q_deg_s"] == "deg/s"
     assert units["altitude_ft"] == "ft"
     assert units["t_s"] == "s"
-    assert units["window.effectiveness"] == "1"
+    assert units["scheduled.effectiveness"] == "1"
 
 
 def _fingerprint(result_columns: dict[str, np.ndarray]) -> str:

@@ -25,7 +25,7 @@ SCALARS = {
     "/mach/actual": "mach",
     "/altitude/actual": "altitude_ft",
     "/effectiveness/true": "effectiveness_true",
-    "/effectiveness/window_smoothed": "window.effectiveness_smoothed",
+    "/effectiveness/scheduled_smoothed": "scheduled.effectiveness_smoothed",
     "/effectiveness/expanding_smoothed": "expanding.effectiveness_smoothed",
 }
 
@@ -68,7 +68,7 @@ def test_every_line_reads_back_equal_to_the_trace(flown: Result, entity: str, co
     np.testing.assert_array_equal(values, flown.trace[column])
 
 
-@pytest.mark.parametrize("name", ["window", "expanding"])
+@pytest.mark.parametrize("name", ["scheduled", "expanding"])
 def test_the_band_is_two_sigma(flown: Result, name: str) -> None:
     _, values = _series(_recording(flown), f"/effectiveness/{name}", "Measurements:values")
     _, variances = _series(_recording(flown), f"/effectiveness/{name}", "Measurements:variances")

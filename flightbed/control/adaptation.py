@@ -25,7 +25,8 @@ class Adaptation:
             Astrom and Wittenmark, Adaptive Control, 2nd ed., S 7.4). 0 takes K-hat for certain.
         oracle: believe the true K instead of an estimate; for studies of what an estimate costs.
         trim_rad: elevator of trim.
-        peak_per_reference: largest deflection from trim that a step of the reference asks for, per rad/s; None never limits it.
+        peak_per_reference: largest deflection from trim that a reversal of the reference asks for, per rad/s of it; the reference is
+            cut to what the elevator that is left can give. None never cuts it.
 
     """
 

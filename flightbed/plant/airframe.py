@@ -39,7 +39,7 @@ _KINKS = {
 _DRY = ("turbine", "rocket")  # engines that JSBSim settles itself while time stands still
 _ELEVATOR, _THROTTLE = "fcs/elevator-cmd-norm", "fcs/throttle-cmd-norm"
 
-_BESIDE_MACH = 1e-7
+_BESIDE_MACH = 1e-9
 
 Engine = Literal["steady", "frozen"]
 Array = npt.NDArray[np.float64]

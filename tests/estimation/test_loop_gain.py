@@ -200,13 +200,13 @@ def test_the_tick_gives_the_same_compiled_and_plain(rng: np.random.Generator, fi
 
 def test_defaults_of_class_and_scenario_are_one() -> None:
     """Field by field, in SI: the Python class and a scenario that says nothing give the same filter."""
-    settings = EstimatorSettings(name="x")
+    settings = EstimatorSettings.model_validate({"name": "x", "model": "short-period"})
     assert loop_gain_config(settings) == LoopGainConfig()
 
 
 def test_every_setting_of_a_scenario_reaches_the_filter() -> None:
     settings = EstimatorSettings(
-        name="x", input="deviation", memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2),
+        name="x", model="short-period", input="deviation", memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2),
         alpha_disturbance_deg_s=0.3, q_disturbance_deg_s2=4.0,
         prior=Prior(state="fixed", alpha_deg=-1.4, q_deg_s=-2.4, alpha_std_deg=0.3, q_std_deg_s=2.0, effectiveness=0.8, effectiveness_std=0.5),
     )  # fmt: skip

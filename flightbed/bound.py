@@ -1,0 +1,96 @@
+"""Trace + model -> the Cramer-Rao bound of K along the flown trajectory: what no unbiased estimator can beat.
+
+For a K that is constant over a stretch of N samples the readings are z_k = H x_k(x_0, K) + v_k. With dynamics taken for certain, S_k =
+d x_k / d (x_0, K) follows S+ = A S + [0, b u], S_0 = [I, 0], and the Fisher information is the sum of S' R^-1 S. The bound on the variance
+of K is the last element of its inverse; nothing is known beforehand of x_0 or K (Van Trees, Detection, Estimation, and Modulation
+Theory I, S 2.4). Disturbances and model errors only make things worse: it is a bound for clean air and a true model.
+
+This module sees the truth: it judges flights, and nothing on board may use it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed.estimation.kernels import compiled
+from flightbed.estimation.pitch_model import local_model
+from flightbed.schedule import Schedule
+from flightbed.sensors import SensorNoise
+from flightbed.trace import Trace
+from flightbed.units import DEG, FT
+
+Array = npt.NDArray[np.float64]
+
+
+@compiled
+def _bounds(models: Array, u: Array, first: Array, r: Array) -> Array:
+    """Return the bound on the standard deviation of K at every tick, from the samples ``first[k]`` to k; inf where it is not told.
+
+    Args:
+        models: (T, 2, 4), [A | b | c] of the period that ends at each tick.
+        u: (T,) deflection over that period.
+        first: (T,) index of the first sample that counts.
+        r: (2,) variances of the readings.
+
+    """
+    T = models.shape[0]
+    out = np.full(T, np.inf)
+    for k in range(T):
+        S = np.zeros((2, 3))
+        S[0, 0], S[1, 1] = 1.0, 1.0
+        J = np.zeros((3, 3))
+        for j in range(int(first[k]), k + 1):
+            if j > int(first[k]):
+                S = np.ascontiguousarray(models[j, :, :2]) @ S
+                S[0, 2] += models[j, 0, 2] * u[j]
+                S[1, 2] += models[j, 1, 2] * u[j]
+            for i in range(2):
+                for a in range(3):
+                    for b in range(3):
+                        J[a, b] += S[i, a] * S[i, b] / r[i]
+        # Schur complement: the information on K that is left when x_0 has to be found too.
+        det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
+        if det > 0.0:
+            spent = (
+                J[2, 0] * (J[1, 1] * J[0, 2] - J[0, 1] * J[1, 2]) + J[2, 1] * (J[0, 0] * J[1, 2] - J[1, 0] * J[0, 2])
+            ) / det
+            left = J[2, 2] - spent
+            if left > 1e-9 * J[2, 2] and left > 0.0:
+                out[k] = 1.0 / np.sqrt(left)
+    return out
+
+
+def bound(trace: Trace, schedule: Schedule, noise: SensorNoise, *, control_hz: int, window: int | None = None) -> Array:
+    """Return the bound on the standard deviation of K at every tick of a flight.
+
+    The model is linearized along the true motion; the failure's time is taken for known, and a change of K begins a new stretch (in a
+    ramp every tick does: there the bound is infinite).
+
+    Args:
+        trace: the flight.
+        schedule: of the aircraft that flew, without errors.
+        noise: standard deviations of the sensors.
+        control_hz: rate of the readings.
+        window: only the last so many samples count; None for all since K last changed.
+
+    """
+    K, u = trace["effectiveness_true"], trace["elevator_mean_meas_deg"] * DEG
+    columns = ("alpha_deg", "q_deg_s", "mach", "altitude_ft", "theta_deg", "phi_deg")
+    factors = (DEG, DEG, 1.0, FT, DEG, DEG)
+    alpha, q, mach, altitude, theta, phi = ((trace[c] * f).tolist() for c, f in zip(columns, factors, strict=True))
+    packed, T = schedule.packed(), len(trace)
+    models = np.zeros((T, 2, 4))
+    for k in range(1, T):
+        i = k - 1
+        local_model(
+            packed, models[k], float(K[i]), 1.0 / control_hz, alpha[i], q[i], float(u[k]), mach[i], altitude[i], theta[i], phi[i], 0.0
+        )  # fmt: skip
+    # The share that acts from tick k on moves what is read at k + 1: the reading at the change still belongs to both stretches.
+    changed = np.flatnonzero(np.diff(K) != 0.0) + 1
+    since = np.zeros(T)
+    for at in changed.tolist():
+        since[at + 1 :] = at
+    if window is not None:
+        since = np.maximum(since, np.arange(T) - window)
+    return _bounds(models, u, since, np.array([noise.alpha_rad**2, noise.q_rad_s**2]))
