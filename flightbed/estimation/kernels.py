@@ -19,6 +19,7 @@ P_ = ParamSpec("P_")
 R_ = TypeVar("R_")
 
 _IDENTITY = np.eye(2)  # compiled in as a constant
+YOUNG = 15.0  # ticks after an alarm in which the time of the change is still looked for
 
 PLAIN = os.environ.get("FLIGHTBED_PLAIN", "") not in ("", "0")
 
@@ -193,14 +194,13 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
     Filter w has seen the data since its start alone. With I the information on K in them and k_w the K that they alone say,
     (k_w - level)^2 / (1/I + var level) is twice the log likelihood ratio for a change at its start, and the largest of them the
     generalized likelihood ratio over the time of the change (Willsky and Jones 1976), here from filters that run anyhow. Beyond the
-    threshold the filter that has it gives the estimate until it has seen a full window, and while it is young a likelier start
-    replaces it.
+    threshold the filter that has it gives the estimate until it has seen a full window; for a while a likelier start replaces it.
 
     """
     W = bank.shape[1]
     X, P, state = bank[0:3], bank[3:12].reshape((3, 3, -1)), bank[24:, 0]
     prior, prior_var, threshold, youngest = settings[6], settings[15], settings[31], settings[33]
-    young = k - state[7] <= 15.0
+    young = k - state[7] <= YOUNG
     level, level_var = (state[5], state[6]) if young else (state[1], state[2])
     highest, slot = 0.0, -1
     for w in range(W):
@@ -296,7 +296,7 @@ def tick(
         since = k - state[7]
         if raised:
             state[0], state[15] = bounded, state[15] + 1.0
-        elif since <= 15.0:
+        elif since <= YOUNG:
             share = max(1.0 - keep, 1.0 / (since + 1.0))
             state[0] += share * (bounded - state[0])
         else:
