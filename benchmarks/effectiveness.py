@@ -137,24 +137,43 @@ def conditions(fly_all: Fly, seeds: int) -> list[list[dict[str, Any]]]:
     return flown
 
 
-def envelope(fly_all: Fly, seeds: int) -> list[tuple[float, float, float]]:
-    """Fly Mach 0.72 to 0.84, 10,000 to 30,000 ft, K 0.25 to 0.7; returns (median error, smoothed RMS, tracking / no failure)."""
-    rows, worst = [], []
+def envelope(fly_all: Fly, seeds: int) -> list[list[float]]:
+    """Fly Mach 0.72 to 0.84, 10,000 to 30,000 ft, K 0.25 to 0.7; returns medians: error, smoothed RMS, tracking to no failure, to oracle."""
+    rows, medians = [], []
     for feet in (10000, 20000, 30000):
         for mach in (0.72, 0.76, 0.8, 0.84):
             where = (f"condition.altitude_ft={feet}",)
             healthy = fly_all([job(mach=mach, to=None, seed=s, adapt=False, set=where) for s in range(seeds)])
             for to in (0.25, 0.45, 0.7):
-                found = fly_all([job(mach=mach, to=to, seed=s, set=where) for s in range(seeds)])
-                pairs = zip(found, healthy, strict=True)
-                ratio = [np.inf if f["departed"] else f["settled"] / h["settled"] for f, h in pairs]
-                error, smooth = _of(found, "median_abs_error_post"), _of(found, "rms_error_smoothed_post")
-                rows.append(
-                    [f"M {mach}, {feet:,} ft, K {to}", spread(error, ".4f"), spread(smooth, ".4f"), spread(ratio)]
-                )
-                worst.append(tuple(float(np.median(np.array(v, dtype=float))) for v in (error, smooth, ratio)))
-    _print(f"Envelope, {seeds} seeds", ("flight", "median error", "smoothed RMS", "tracking / no failure"), rows)
-    return worst
+                jobs = [job(mach=mach, to=to, seed=s, set=where) for s in range(seeds)]
+                found, oracle = fly_all(jobs), fly_all([{**j, "adapt": "oracle"} for j in jobs])
+                values = [
+                    _of(found, "median_abs_error_post"),
+                    _of(found, "rms_error_smoothed_post"),
+                    _ratio(found, healthy),
+                    _ratio(oracle, healthy),
+                    _ratio(found, oracle),
+                ]
+                specs = (".4f", ".4f", ".3f", ".3f", ".3f")
+                cells = [spread(v, spec) for v, spec in zip(values, specs, strict=True)]
+                rows.append([f"M {mach}, {feet:,} ft, K {to}", *cells])
+                medians.append([float(np.median(np.array(v, dtype=float))) for v in values])
+    head = (
+        "flight",
+        "median error",
+        "smoothed RMS",
+        "tracking / no failure",
+        "oracle / no failure",
+        "tracking / oracle",
+    )
+    _print(f"Envelope, {seeds} seeds", head, rows)
+    return medians
+
+
+def _ratio(flights: Sequence[dict[str, Any]], others: Sequence[dict[str, Any]]) -> list[float | None]:
+    """Return tracking over that of other flights; infinite where one departs."""
+    pairs = zip(flights, others, strict=True)
+    return [np.inf if f["departed"] else float(f["settled"] / o["settled"]) for f, o in pairs]
 
 
 def roc(fly_all: Fly, seeds: int) -> dict[int, float]:
@@ -186,7 +205,8 @@ def roc(fly_all: Fly, seeds: int) -> dict[int, float]:
             ]
             rows.append([str(t), f"{rate:.2f} (< {upper:.2f})", *cells])
         _print(
-            f"Alarms, turbulence {air}: {minutes:.0f} min without a failure (one-sided 95 % limit); delay and entry into 20 %, s, {seeds} seeds",
+            f"Alarms, turbulence {air}: {minutes:.0f} min without a failure (one-sided 95 % limit); "
+            f"delay and entry into 20 %, s, {seeds} seeds",
             ("threshold", "false per 10 min", *(f"K {to}" for to in hit)),
             rows,
         )  # fmt: skip

@@ -182,7 +182,7 @@ def disturbance(bank: Array, settings: Array, model: Array, u: float, z: tuple[f
         e = z[i] - (model[i, 0] * x0 + model[i, 1] * x1 + model[i, 2] * state[0] * u + model[i, 3])
         state[8 + i] = leak * state[8 + i] + e
         r = settings[21 + i]
-        square = min(state[8 + i] * state[8 + i], 9.0 * (state[10 + i] + r))
+        square = min(state[8 + i] * state[8 + i], 4.0 * (state[10 + i] + r))
         state[10 + i] += slow * (square - state[10 + i])
         Q[i, i] += max(0.0, (1.0 - leak * leak) * (state[10 + i] - 1.6 * r))
 
@@ -224,6 +224,7 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
         if raised:
             state[5], state[6], state[7] = state[1], state[2], float(k)
             state[14] = float(k - W)
+            state[8], state[9] = 0.0, 0.0  # what they hold is the change of K, not the air
         state[3], state[4] = float(slot), float(k - age)
     return raised
 
