@@ -138,7 +138,7 @@ def conditions(fly_all: Fly, seeds: int) -> list[list[dict[str, Any]]]:
 
 
 def envelope(fly_all: Fly, seeds: int) -> list[list[float]]:
-    """Fly Mach 0.72 to 0.84, 10,000 to 30,000 ft, K 0.25 to 0.7; returns medians: error, smoothed RMS, tracking to no failure, to oracle."""
+    """Fly Mach 0.72 to 0.84, 10,000 to 30,000 ft, K 0.25 to 0.7; returns medians: errors, ratios of tracking."""
     rows, medians = [], []
     for feet in (10000, 20000, 30000):
         for mach in (0.72, 0.76, 0.8, 0.84):

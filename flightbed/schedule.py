@@ -17,6 +17,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -143,10 +144,10 @@ def load_schedule(airframe: Airframe, *, throttle: float, fingerprint: Sequence[
     folder = (Path(root) if root else Path.home() / ".cache") / "flightbed"
     file = folder / f"schedule-{key}.npz"
     try:
-        with np.load(file) as held:
+        with np.load(io.BytesIO(file.read_bytes())) as held:
             schedule = Schedule(**{name: held[name] for name in Schedule.__dataclass_fields__})
         return schedule.with_throttle(airframe, throttle)
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
         schedule = build_schedule(airframe, throttle=throttle)
     buffer = io.BytesIO()
     np.savez(buffer, **{name: getattr(schedule, name) for name in Schedule.__dataclass_fields__})

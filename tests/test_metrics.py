@@ -16,6 +16,7 @@ def _trace(**columns: np.ndarray) -> Trace:
         "t_s": T, "alpha_deg": np.full(1000, 2.0), "q_deg_s": np.zeros(1000), "q_ref_deg_s": np.zeros(1000),
         "effectiveness_true": np.where(T < 4, 1.0, 0.5), "a.effectiveness": np.ones(1000),
         "a.effectiveness_smoothed": np.ones(1000), "a.nis": np.full(1000, 2.0),
+        "a.alarms": np.zeros(1000), "a.effectiveness_raw": np.ones(1000), "a.effectiveness_std": np.full(1000, 0.5),
     }  # fmt: skip
     return Trace({**base, **columns}, ("a",))
 

@@ -14,7 +14,7 @@ TRUTH = Truth(*(0.01 * (i + 1) for i in range(len(Truth._fields))))
 def _errors(noise: SensorNoise, seed: int = 1, ticks: int = 20000) -> np.ndarray:
     sensors = Sensors(noise, ticks=ticks, seed=np.random.SeedSequence(seed))
     readings = np.array([sensors.read(k, TRUTH) for k in range(ticks)])
-    return readings - [TRUTH.alpha_rad, TRUTH.q_rad_s, TRUTH.elevator_rad, TRUTH.elevator_mean_rad]
+    return readings[:, :4] - [TRUTH.alpha_rad, TRUTH.q_rad_s, TRUTH.elevator_rad, TRUTH.elevator_mean_rad]
 
 
 def test_noise_is_white_unbiased_and_as_strong_as_stated() -> None:

@@ -89,8 +89,8 @@ def test_the_failure_is_marked_in_every_plot_and_told_in_the_log(flown: Result) 
         times, _ = _series(_recording(flown), f"/{plot}/failure", "Scalars:scalars")
         assert times == pytest.approx([4.5])
     times, texts = _series(_recording(flown), "/events", "TextLog:text")
-    assert "FAILURE: elevator keeps 20% of its effect" in list(texts)
-    assert times[list(texts).index("FAILURE: elevator keeps 20% of its effect")] == pytest.approx(4.5)
+    assert "FAILURE: the elevator keeps 20% of its effect" in list(texts)
+    assert times[list(texts).index("FAILURE: the elevator keeps 20% of its effect")] == pytest.approx(4.5)
     times, states = _series(_recording(flown), "/mode/elevator", "StateChange:state")
     assert list(zip(times, states, strict=True)) == [(0.0, "healthy"), (4.5, "failed")]
 
