@@ -298,7 +298,7 @@ def tick(
         if raised:
             state[0], state[15] = bounded, state[15] + 1.0
         elif since <= YOUNG:
-            share = max(1.0 - keep, 1.0 / (since + 1.0))
+            share = max(1.0 - keep, 1.0 - since / YOUNG)
             state[0] += share * (bounded - state[0])
         else:
             state[0] = keep * state[0] + (1.0 - keep) * bounded
