@@ -20,13 +20,12 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
         f"| {_show(m['first_within_20pct_s'], '.2f')} | {_show(m['nis_mean'], '.2f')} |\n"
         for name, m in summary["estimators"].items()
     )
-    adapts = f"1/K from `{scenario.adaptation.estimator}`" if scenario.adaptation.enabled else "off"
     return (
         f"# {scenario.name}\n\n{scenario.description}\n\n"
         f"**{scenario.aircraft.model}**, Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft, seed {scenario.seed}: "
         f"**{outcome(summary)}**\n\n"
         f"- trim: alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg\n"
-        f"- law: {scenario.control.law}; adaptation: {adapts}\n"
+        f"- law: {scenario.control.law}; {correction(scenario)}\n"
         f"- tracking RMS: {_show(summary['tracking_rms_pre_deg_s'], '.2f')} deg/s before, "
         f"{_show(summary['tracking_rms_post_deg_s'], '.2f')} deg/s from 0.3 s after the failure\n\n"
         f"- failures: {'; '.join(failures(scenario)) or 'none'}\n\n"
@@ -34,6 +33,14 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
         f"| first within 20 %, s | mean NIS (2) |\n|---|---|---|---|---|\n{estimators}\n"
         f"flightbed {summary['versions']['flightbed']}, JSBSim {summary['versions']['jsbsim']}\n"
     )
+
+
+def correction(scenario: Scenario) -> str:
+    """Return in words what corrects the law."""
+    adaptation = scenario.adaptation
+    if not adaptation.enabled:
+        return "not corrected"
+    return "corrected by 1/K of " + ("the oracle" if adaptation.oracle else f"'{adaptation.estimator}'")
 
 
 def outcome(summary: dict[str, Any]) -> str:

@@ -253,12 +253,11 @@ def list_(family: Family | None = None, /) -> None:
 
 
 def _show(result: Result) -> None:
-    from flightbed.card import failures, outcome
+    from flightbed.card import correction, failures, outcome
 
     summary, scenario = result.summary, result.plan.scenario
-    trim, adaptation = summary["trim"], scenario.adaptation
+    trim = summary["trim"]
     poles = ", ".join(f"{re:+.2f}{f'{im:+.2f}j' if im else ''}" for re, im in summary["short_period"]["poles_rad_s"])
-    corrected = f"corrected by 1/K of '{adaptation.estimator}'" if adaptation.enabled else "not corrected"
     gains = ", ".join(f"{name} {value:.3g}" for name, value in summary["gains"].items() if value)
     before, after = summary["tracking_rms_pre_deg_s"], summary["tracking_rms_post_deg_s"]
     color = "green" if summary["ended"] == "time" else "red"
@@ -270,7 +269,7 @@ def _show(result: Result) -> None:
         "condition": f"{result.plan.aircraft.name}, Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft",
         "trim": f"alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg, residual {trim['residual']:.0e}",
         "poles": f"{poles} rad/s, short period, open loop",
-        "law": f"{scenario.control.law}, {corrected}",
+        "law": f"{scenario.control.law}, {correction(scenario)}",
         "gains": gains,
         "failures": "; ".join(failures(scenario)) or "none",
         "outcome": f"[bold {color}]{outcome(summary)}[/bold {color}]; |alpha| up to "

@@ -173,7 +173,9 @@ class Fdm:
         held = {path: self.getter(path)() for path in paths if self.has(path)}
         total = sum(held.values())
         if total <= 0.0 or total + fuel_kg / LB < 0.0:
-            raise AircraftError(f"the tanks hold {total:.0f} lb of fuel: {-fuel_kg / LB:.0f} lb cannot be taken out")
+            raise AircraftError(
+                f"fuel: the tanks hold {total:.0f} lb, {-fuel_kg / LB:.0f} lb less cannot be flown (model_error.fuel_lbs)"
+            )
         for path, pounds in held.items():
             self.set(path, pounds * (1.0 + fuel_kg / LB / total))
 
