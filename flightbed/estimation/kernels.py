@@ -287,10 +287,10 @@ def tick(
             else:
                 state[3] = -1.0
     gain, variance = X[2, best], P[2, 2, best]
+    told = max(0.0, 1.0 / variance - 1.0 / P0[2, 2])  # information on K in the data alone, and times what they say
+    said = gain / variance - x0[2] / P0[2, 2]
     if hold > 0.0:  # the last estimate, with this variance, in place of the prior of K
-        information = max(0.0, 1.0 / variance - 1.0 / P0[2, 2])
-        said = gain / variance - x0[2] / P0[2, 2]
-        variance = 1.0 / (information + 1.0 / hold)
+        variance = 1.0 / (told + 1.0 / hold)
         gain = variance * (said + state[0] / hold)
     bounded = min(max(gain, low), high)
     if threshold > 0.0:
@@ -300,8 +300,16 @@ def tick(
         elif since <= YOUNG:
             share = max(1.0 - keep, 1.0 - since / YOUNG)
             state[0] += share * (bounded - state[0])
+        elif hold > 0.0:
+            # What is new in a window at a tick is a W-th of its information: the smoother follows that, and holds without it.
+            share = min(1.0 - keep, state[18] / (state[18] + W / max(told, 1e-9)))
+            state[0] += share * (said / max(told, 1e-9) - state[0])
+            state[0] = min(max(state[0], low), high)
+            state[18] = (1.0 - share) * state[18] + hold / 4000.0
         else:
             state[0] = keep * state[0] + (1.0 - keep) * bounded
+        if since <= YOUNG:
+            state[18] = variance
         if state[3] >= 0.0:
             state[1], state[2] = gain, variance
         else:
@@ -321,9 +329,9 @@ def new_bank(filters: int) -> Array:
     These are: 0 smoothed K-hat; level of K that alarms are raised against, 1 itself and 2 its variance; adopted filter, 3 which and
     4 the tick of its start; 5, 6 the level before the last alarm, 7 its tick, 14 the earliest start that may replace the adopted one;
     8, 9 leaky sums of residuals and 10, 11 their mean squares; 12, 13 last readings; 15 number of alarms; 16 leaky sum of the
-    residuals of alpha from which the gust's pitch rate is told, 17 its mean square.
+    residuals of alpha from which the gust's pitch rate is told, 17 its mean square; 18 variance of the smoothed K-hat.
     """
-    return np.zeros((42, filters))
+    return np.zeros((43, filters))
 
 
 def pack_settings(
