@@ -29,8 +29,8 @@ class LoopGainConfig:
         alarm_threshold: generalized likelihood ratio beyond which a change of K is declared and the window shortened to the data
             since it; 0 for no test. A window only.
         follow_disturbances: raise the process noise to what the readings show, and, on a schedule, take off the gust's pitch rate.
-        hold_std: standard deviation with which the last smoothed estimate stands in for the prior of K when a window says little;
-            0 for not.
+        hold_std: standard deviation with which the last smoothed estimate stands in for the prior of K when a window says little,
+            and by a 63rd of which it may wander in a tick; 0 for neither.
         absolute: x' = A x + b (K delta - delta_trim): K scales the whole deflection, as on the aircraft. Otherwise
             x' = A x + K b (delta - delta_trim), the thesis's form, for a plant whose trim does not depend on K.
         scheduled: the model is the schedule, not the short period at the trim point; the input is then absolute.

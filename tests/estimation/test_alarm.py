@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flightbed import load_scenario, run
 from flightbed.estimation import kernels
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
@@ -115,3 +116,22 @@ def test_the_tick_with_all_of_it_gives_the_same_compiled_and_plain(rng: np.rando
         alarms = compiled[7]
         x = np.array([[0.99, 0.01], [0.02, 0.99]]) @ x + [0.0, -0.14 * u * (1.0 if k < 40 else 0.2)]
     assert alarms >= 1.0
+
+
+def test_the_smoothed_estimate_does_not_wander_where_nothing_shows_k() -> None:
+    """Trim elevator zero (c.g. 5.7 % aft), level flight after a loss that one doublet showed: 5 s later it is still there."""
+    wrong = {}
+    for hold in (0.0, 0.3):
+        sets = [
+            f"estimators.0.hold_std={hold}",
+            "aircraft.cg_shift_cbar=0.057",
+            "command.count=1",
+            "failures.0.to=0.3",
+            "failures.0.at_s=3",
+        ]
+        trace = run(load_scenario("elevator-loss", sets)).trace
+        late = trace["t_s"] > 6.5
+        wrong[hold] = float(np.sqrt(np.mean((trace["scheduled.effectiveness_smoothed"] - 0.3)[late] ** 2)))
+        assert np.mean(trace["scheduled.effectiveness_std"][late]) > 0.1
+    assert wrong[0.3] < 0.13
+    assert wrong[0.3] < 0.5 * wrong[0.0]
