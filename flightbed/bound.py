@@ -65,7 +65,7 @@ def bound(trace: Trace, schedule: Schedule, noise: SensorNoise, *, control_hz: i
     """Return the bound on the standard deviation of K at every tick of a flight.
 
     The model is linearized along the true motion; the failure's time is taken for known, and a change of K begins a new stretch (in a
-    ramp every tick does: there the bound is infinite).
+    ramp every tick does, and two samples say next to nothing).
 
     Args:
         trace: the flight.

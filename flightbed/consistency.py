@@ -36,9 +36,7 @@ def contradictions(scenario: Scenario) -> list[str]:
                 f"estimators.{i}.input: must be 'absolute' with model = 'scheduled', which knows no trim (got 'deviation')"
             )
     adaptation = scenario.adaptation
-    if adaptation.enabled and adaptation.oracle:
-        pass  # needs no estimator
-    elif adaptation.enabled and adaptation.estimator not in names:
+    if adaptation.enabled and not adaptation.oracle and adaptation.estimator not in names:
         problems.append(
             f"adaptation.estimator: no estimator is named '{adaptation.estimator}'"
             f"{did_you_mean(adaptation.estimator, names)}; there is: {', '.join(names) or 'none'}"
@@ -63,7 +61,8 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
     for i, estimator in enumerate(scenario.estimators):
         place = f"estimators.{i}"
         if estimator.kind == "differentiated-rls":
-            keys |= {f"{place}.{key}": f"{place}.kind = 'differentiated-rls'" for key in _KALMAN_ONLY}
+            prior = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
+            keys |= {f"{place}.{key}": f"{place}.kind = 'differentiated-rls'" for key in (*_KALMAN_ONLY, *prior)}
             continue
         for key, memory in (("window", "window"), ("alarm_threshold", "window"), ("forgetting", "fading")):
             if estimator.memory != memory:

@@ -20,7 +20,7 @@ from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Gains, Law
 from flightbed.control.design import peak_deflection
-from flightbed.errors import AircraftError, NoTrimError
+from flightbed.errors import AircraftError, DesignError, NoTrimError
 from flightbed.estimation.base import OnBoard
 from flightbed.failures.effector import healthy
 from flightbed.folder import check_target, write_run
@@ -96,6 +96,10 @@ def plan(scenario: Scenario) -> Plan:
     model = linearize(airframe, point)
     design = short_period(model, actuator_rad_s=aircraft.actuator.lag_rad_s)
     law = _law(scenario, design)
+    if scenario.adaptation.limit_command and getattr(law, "gains", None) is None:
+        raise DesignError(
+            f"adaptation.limit_command: the law '{scenario.control.law}' does not tell its gains, set it to false"
+        )
     schedule = None
     if any(estimator.model == "scheduled" for estimator in scenario.estimators):
         fingerprint = (aircraft.sha256, repr(scenario.aircraft.cg_shift_cbar), version("jsbsim"), version("flightbed"))

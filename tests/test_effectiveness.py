@@ -114,10 +114,12 @@ def test_the_oracle_and_the_errors_of_the_model_do_what_they_say() -> None:
 def test_gusts_have_the_same_sense_in_every_flight() -> None:
     """The air ahead of the nose comes first: a gust that lowers alpha turns the air past the aircraft nose down."""
     from flightbed.mission import assemble, plan
+    from flightbed.plant.jsbsim import JsbsimPlant
 
     for seed in range(3):
         plant = assemble(plan(load_scenario("nominal", ["atmosphere.turbulence=moderate", f"seed={seed}"]))).plant
-        fdm = plant._fdm  # type: ignore[attr-defined]
+        assert isinstance(plant, JsbsimPlant)
+        fdm = plant._fdm
         gust, turn = fdm.getter("atmosphere/total-wind-down-fps"), fdm.getter("atmosphere/q-turb-rad_sec")
         w, q = [], []
         for _ in range(300):

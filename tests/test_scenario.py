@@ -74,6 +74,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("estimators.0.input=deviation", f"{FILE}: estimators.0.input: must be 'absolute' with model = 'scheduled', which knows no trim (got 'deviation')"),
         ("failures.0.over_s=3", "--set failures.0.over_s: has no effect with failures.0.kind = 'effectiveness'"),
         ("estimators.1.alarm_threshold=9", "--set estimators.1.alarm_threshold: has no effect with estimators.1.memory = 'expanding'"),
+        ("adaptation.caution=11", "--set adaptation.caution: must be between 0 and 10 (got 11)"),
         ("rates.delay_ticks=-1", "--set rates.delay_ticks: must be between 0 and 100 (got -1)"),
         ("model_error.cm_delta=-1", "--set model_error.cm_delta: must be between 0 and 10 (got -1)"),
         ("estimators.0.bounds=[1,0]", f"{FILE}: estimators.0: bounds must rise (got [1.0, 0.0])"),

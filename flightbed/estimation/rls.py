@@ -34,7 +34,7 @@ class RlsConfig:
     """
 
     scheduled: bool = True
-    forgetting: float = 0.9
+    forgetting: float = 0.98
     filter_rad_s: float = 20.0
     filter_damping: float = 0.8
     smoothing: float = 0.9

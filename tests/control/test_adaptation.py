@@ -11,8 +11,10 @@ from flightbed.short_period import ShortPeriod
 from flightbed.units import DEG
 
 
-def _adaptation(**more: float | None) -> Adaptation:
-    return Adaptation(enabled=True, estimator=0, floor=0.08, feedback="effective", min_rad=-0.4, max_rad=0.4, **more)  # type: ignore[arg-type]
+def _adaptation(*, caution: float = 0.0, trim_rad: float = 0.0, peak_per_reference: float | None = None) -> Adaptation:
+    return Adaptation(
+        True, 0, 0.08, "effective", -0.4, 0.4, caution=caution, trim_rad=trim_rad, peak_per_reference=peak_per_reference
+    )
 
 
 def test_cautious_correction_has_the_least_mean_square_error() -> None:
