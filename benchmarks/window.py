@@ -40,7 +40,7 @@ def bank() -> list[float]:
     """Advance the bank; K-hat at every tick."""
     state = kernels.new_bank(WINDOW)
     settings = kernels.pack_settings(
-        Q=Q, x0=X0, P0=P0, inflation=1.0, anchor=False, keep=0.9, bounds=(-9.0, 9.0), r=R, model=MODEL
+        Q=Q, x0=X0, P0=P0, inflation=1.0, begin=kernels.FIXED, keep=0.9, bounds=(-9.0, 9.0), r=R, model=MODEL
     )
     return [kernels.tick(state, settings, u[k], z[k, 0], z[k, 1], k)[3] for k in range(TICKS)]
 

@@ -133,12 +133,14 @@ class Aircraft:
 def load_aircraft(name: str) -> Aircraft:
     """Read an aircraft by shipped name or folder.
 
-    Raises UnknownNameError or AircraftError.
+    Raises UnknownNameError or AircraftError; the latter also for a linear model (``linear_aircraft.py``).
     """
     folder = data.find("aircraft", name)
     path = folder / "aircraft.toml"
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        if raw.get("kind") == "linear":
+            raise AircraftError(f"{path}: is a linear model already: it can be flown (flightbed run), not trimmed or linearized")
         _check(raw, path)
         elevator = raw["elevator"]
         numbers = {key: float(value) for key, value in elevator.items()}

@@ -17,6 +17,7 @@ from flightbed.estimation.kernels import compiled
 from flightbed.estimation.pitch_model import local_model
 from flightbed.schedule import Schedule
 from flightbed.sensors import SensorNoise
+from flightbed.short_period import ShortPeriod
 from flightbed.trace import Trace
 from flightbed.units import DEG, FT
 
@@ -61,20 +62,8 @@ def _bounds(models: Array, u: Array, first: Array, r: Array) -> Array:
     return out
 
 
-def bound(trace: Trace, schedule: Schedule, noise: SensorNoise, *, control_hz: int, window: int | None = None) -> Array:
-    """Return the bound on the standard deviation of K at every tick of a flight.
-
-    The model is linearized along the true motion; the failure's time is taken for known, and a change of K begins a new stretch (in a
-    ramp every tick does, and two samples say next to nothing).
-
-    Args:
-        trace: the flight.
-        schedule: of the aircraft that flew, without errors.
-        noise: standard deviations of the sensors.
-        control_hz: rate of the readings.
-        window: only the last so many samples count; None for all since K last changed.
-
-    """
+def schedule_models(trace: Trace, schedule: Schedule, *, control_hz: int) -> Array:
+    """Return (T, 2, 4), [A | b | c] of the period that ends at each tick, linearized along the true motion on the schedule."""
     K, u = trace["effectiveness_true"], trace["elevator_mean_meas_deg"] * DEG
     columns = ("alpha_deg", "q_deg_s", "mach", "altitude_ft", "theta_deg", "phi_deg")
     factors = (DEG, DEG, 1.0, FT, DEG, DEG)
@@ -86,6 +75,30 @@ def bound(trace: Trace, schedule: Schedule, noise: SensorNoise, *, control_hz: i
         local_model(
             packed, models[k], float(K[i]), 1.0 / control_hz, alpha[i], q[i], float(u[k]), mach[i], altitude[i], theta[i], phi[i], 0.0
         )  # fmt: skip
+    return models
+
+
+def design_models(trace: Trace, design: ShortPeriod, *, control_hz: int) -> Array:
+    """Return (T, 2, 4), [A | b | c] of the period that ends at each tick: the short period, the same at all of them."""
+    discrete = design.discrete(control_hz)
+    affine = -discrete.b * design.elevator_trim_rad
+    return np.tile(np.column_stack([discrete.A, discrete.b, affine]), (len(trace), 1, 1))
+
+
+def bound(trace: Trace, models: Array, noise: SensorNoise, *, window: int | None = None) -> Array:
+    """Return the bound on the standard deviation of K at every tick of a flight.
+
+    The failure's time is taken for known, and a change of K begins a new stretch (in a ramp every tick does, and two samples say next to
+    nothing).
+
+    Args:
+        trace: the flight.
+        models: (T, 2, 4), the true motion linearized over the period that ends at each tick; without errors.
+        noise: standard deviations of the sensors.
+        window: only the last so many samples count; None for all since K last changed.
+
+    """
+    K, u, T = trace["effectiveness_true"], trace["elevator_mean_meas_deg"] * DEG, len(trace)
     # The share that acts from tick k on moves what is read at k + 1: the reading at the change still belongs to both stretches.
     changed = np.flatnonzero(np.diff(K) != 0.0) + 1
     since = np.zeros(T)

@@ -231,12 +231,12 @@ def list_(family: Family | None = None, /) -> None:
 
     """
     from flightbed import data, registry
-    from flightbed.aircraft import load_aircraft
+    from flightbed.linear_aircraft import load_flyable
     from flightbed.scenario import load_scenario
 
     def lines(family: str) -> list[tuple[str, str]]:
         if family == "aircraft":
-            return [(name, load_aircraft(name).description) for name in data.names("aircraft")]
+            return [(name, load_flyable(name).description) for name in data.names("aircraft")]
         if family == "scenarios":
             return [(name, load_scenario(name).description) for name in data.names("scenario")]
         if family == "studies":  # none yet

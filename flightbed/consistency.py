@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from flightbed.errors import did_you_mean
@@ -10,9 +11,9 @@ if TYPE_CHECKING:
     from flightbed.scenario import Scenario
 
 _COMMAND_IDLE = {"none": ("amplitude_deg_s", "period_s", "count", "start_s"), "constant": ("period_s", "count")}
-_FIXED_PRIOR = ("alpha_deg", "q_deg_s", "alpha_std_deg", "q_std_deg_s")
+_FIXED_PRIOR = ("first_reading", "alpha_deg", "q_deg_s", "alpha_std_deg", "q_std_deg_s")
 _KALMAN_ONLY = (
-    "input", "memory", "window", "alarm_threshold", "follow_disturbances", "hold_std", "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
+    "input", "input_at", "memory", "window", "alarm_threshold", "follow_disturbances", "hold_std", "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
 )  # fmt: skip
 
 
@@ -35,21 +36,28 @@ def contradictions(scenario: Scenario) -> list[str]:
             problems.append(
                 f"estimators.{i}.input: must be 'absolute' with model = 'scheduled', which knows no trim (got 'deviation')"
             )
-    adaptation = scenario.adaptation
+    control, adaptation = scenario.control, scenario.adaptation
+    if control.state_from and control.state_from not in names:
+        problems.append(_no_estimator("control.state_from", control.state_from, names))
+    if control.gains is not None and control.poles is not None:
+        problems.append("control.poles: cannot go with control.gains, which are not designed; give one of them")
     if adaptation.enabled and not adaptation.oracle and adaptation.estimator not in names:
-        problems.append(
-            f"adaptation.estimator: no estimator is named '{adaptation.estimator}'"
-            f"{did_you_mean(adaptation.estimator, names)}; there is: {', '.join(names) or 'none'}"
-        )
+        problems.append(_no_estimator("adaptation.estimator", adaptation.estimator, names))
     return problems
+
+
+def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
+    return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; there is: {', '.join(names) or 'none'}"
 
 
 def idle_keys(scenario: Scenario) -> dict[str, str]:
     """Return key -> the setting that leaves it without effect."""
     command, adaptation = scenario.command, scenario.adaptation
     keys = {f"command.{key}": f"command.kind = '{command.kind}'" for key in _COMMAND_IDLE.get(command.kind, ())}
+    if scenario.control.gains is not None:
+        keys["control.integral_pole_rad_s"] = "control.gains"
     if scenario.control.law == "proportional":
-        keys["control.integral_pole_rad_s"] = "control.law = 'proportional'"
+        keys |= {f"control.{key}": "control.law = 'proportional'" for key in ("integral_pole_rad_s", "gains.integral")}
     if not adaptation.enabled:
         idle = ("estimator", "floor", "feedback", "caution", "oracle", "limit_command")
         keys |= {f"adaptation.{key}": "adaptation.enabled = false" for key in idle}

@@ -9,7 +9,7 @@ from flightbed.command.base import Command
 from flightbed.command.constant import constant as _constant
 from flightbed.command.constant import none as _none
 from flightbed.command.doublet import doublet as _doublet
-from flightbed.control.base import Law
+from flightbed.control.base import Gains, Law
 from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
@@ -45,10 +45,14 @@ def _poles(settings: s.Control) -> list[complex] | None:
     return None if settings.poles is None else [complex(re, im) for re, im in settings.poles]
 
 
+def _given(gains: s.GainSettings, *, integral: float = 0.0) -> Gains:
+    return Gains(gains.alpha, gains.q_s, gains.elevator, gains.reference_s, integral)
+
+
 def proportional(settings: s.Control, design: ShortPeriod, _control_hz: int) -> Law:
     """Feedback of alpha, q and elevator, prefilter gain for unit DC gain (Sillence S 3.2)."""
     return Proportional(
-        design_proportional(design, _poles(settings)),
+        _given(settings.gains) if settings.gains else design_proportional(design, _poles(settings)),
         alpha_trim_rad=design.alpha_trim_rad,
         elevator_trim_rad=design.elevator_trim_rad,
     )
@@ -57,7 +61,9 @@ def proportional(settings: s.Control, design: ShortPeriod, _control_hz: int) -> 
 def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: int) -> Law:
     """Add to the proportional law the integral of the pitch-rate error (Sillence S 3.3)."""
     return ProportionalIntegral(
-        design_integral(design, _poles(settings), integral_pole=settings.integral_pole_rad_s),
+        _given(settings.gains, integral=settings.gains.integral)
+        if settings.gains
+        else design_integral(design, _poles(settings), integral_pole=settings.integral_pole_rad_s),
         alpha_trim_rad=design.alpha_trim_rad,
         elevator_trim_rad=design.elevator_trim_rad,
         control_hz=control_hz,
@@ -113,10 +119,13 @@ def loop_gain_config(settings: s.EstimatorSettings) -> LoopGainConfig:
         follow_disturbances=settings.follow_disturbances,
         hold_std=settings.hold_std,
         absolute=settings.input == "absolute",
+        input_at=settings.input_at,
         scheduled=settings.model == "scheduled",
         alpha_disturbance_rad_s=settings.alpha_disturbance_deg_s * DEG,
         q_disturbance_rad_s2=settings.q_disturbance_deg_s2 * DEG,
-        prior_from_measurement=prior.state == "measurement",
+        prior_state="measurement"
+        if prior.state == "measurement"
+        else ("corrected" if prior.first_reading == "used" else "fixed"),
         prior_alpha_rad=prior.alpha_deg * DEG,
         prior_q_rad_s=prior.q_deg_s * DEG,
         prior_alpha_var=(prior.alpha_std_deg * DEG) ** 2,

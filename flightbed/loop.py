@@ -34,10 +34,13 @@ class Flight:
     alpha_trim_rad: float
     floor_m: float = -inf  # altitude at which the flight ends in the ground
     delay_ticks: int = 0  # between a command and the actuator
+    state_from: int | None = None  # index of the estimator whose alpha and q the law is fed; None for the readings
 
     def __post_init__(self) -> None:
         if self.adaptation.enabled and not self.adaptation.oracle and not self.estimators:
             raise ValueError("adaptation is enabled, but the flight has no estimator")
+        if self.state_from is not None and self.state_from >= len(self.estimators):
+            raise ValueError("the law is to be fed an estimator's state, but the flight has no such estimator")
 
 
 def fly(flight: Flight) -> Iterator[Sample]:
@@ -47,6 +50,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
     updates = [estimator.update for estimator in flight.estimators]
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
     hold, floor, following, believed = False, flight.floor_m, flight.effectiveness(0), 1.0
+    state_from = flight.state_from
     delay, on_the_way = flight.delay_ticks, deque([plant.sense().elevator_rad] * flight.delay_ticks)
     for tick, (q_cmd, q_ref) in enumerate(commands):
         effectiveness, following = following, flight.effectiveness(tick + 1)
@@ -62,7 +66,12 @@ def fly(flight: Flight) -> Iterator[Sample]:
             believed = adaptation.believed(estimate.effectiveness_smoothed, estimate.effectiveness_std)
         feedback = adaptation.elevator_feedback(measurement.elevator_rad, believed)
         reference = adaptation.reference(q_ref, believed)
-        demand = demand_of(measurement, q_ref_rad_s=reference, elevator_rad=feedback, hold=hold)
+        felt = measurement
+        if state_from is not None:
+            felt = measurement._replace(
+                alpha_rad=estimates[state_from].alpha_rad, q_rad_s=estimates[state_from].q_rad_s
+            )
+        demand = demand_of(felt, q_ref_rad_s=reference, elevator_rad=feedback, hold=hold)
         command = adaptation.command(demand, believed)
         hold = command != demand / believed
 

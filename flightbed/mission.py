@@ -14,45 +14,30 @@ from typing import Any
 import numpy as np
 
 from flightbed import factories, registry
-from flightbed.aircraft import Aircraft, load_aircraft, load_path
-from flightbed.bound import bound
+from flightbed.bound import bound, design_models, schedule_models
 from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
-from flightbed.control.base import Gains, Law
 from flightbed.control.design import peak_deflection
-from flightbed.errors import AircraftError, DesignError, NoTrimError
 from flightbed.estimation.base import OnBoard
 from flightbed.failures.effector import healthy
 from flightbed.folder import check_target, write_run
-from flightbed.linearize import LinearModel, linearize
+from flightbed.linear_aircraft import LinearAircraft
 from flightbed.loop import Flight
 from flightbed.loop import fly as _fly
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
-from flightbed.plant.airframe import JsbsimAirframe
+from flightbed.plan import Plan, law_of, plan
+from flightbed.plant.base import Plant
 from flightbed.plant.jsbsim import JsbsimPlant, Start
+from flightbed.plant.linear import LinearPlant
 from flightbed.scenario import ModelError, Scenario
-from flightbed.schedule import Schedule, load_schedule
 from flightbed.sensors import SensorErrors, SensorNoise, Sensors
-from flightbed.short_period import ShortPeriod, short_period
 from flightbed.signals import Sample
 from flightbed.trace import Trace, collect
-from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT, LB
 
+__all__ = ["Plan", "Result", "assemble", "fly", "plan", "run"]
+
 _ROOM_M = 300.0  # flights that begin at sea level may go this far below it: the terrain lies lower still
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is known before take-off: the trimmed aircraft and the design that rests on it."""
-
-    scenario: Scenario
-    aircraft: Aircraft
-    trim: TrimPoint
-    model: LinearModel
-    design: ShortPeriod
-    gains: Gains | None  # None for a law that does not tell
-    schedule: Schedule | None  # None if no estimator asks for it
 
 
 @dataclass(frozen=True)
@@ -72,51 +57,12 @@ class Result:
     folder: Path | None = None
 
 
-def plan(scenario: Scenario) -> Plan:
-    """Trim, linearize and design; the plan's scenario names the very aircraft. Raises AircraftError, NoTrimError, DesignError."""
-    aircraft = load_aircraft(scenario.aircraft.model)
-    if scenario.aircraft.sha256 not in ("", aircraft.sha256):
-        raise AircraftError(
-            f"aircraft {scenario.aircraft.model} is not the one that this scenario was flown with (aircraft.sha256 differs); "
-            'clear the key, --set aircraft.sha256="", to fly it all the same'
-        )
-    scenario = scenario.with_aircraft(load_path(scenario.aircraft.model), aircraft.sha256)
-    condition = scenario.condition
-    airframe = JsbsimAirframe(
-        aircraft,
-        mach=condition.mach,
-        altitude_m=condition.altitude_ft * FT,
-        cg_shift_cbar=scenario.aircraft.cg_shift_cbar,
-    )
-    try:
-        point = trim(airframe, gamma_rad=condition.gamma_deg * DEG)
-    except NoTrimError as error:
-        error.args = (f"no trim at Mach {condition.mach:.2f}, {condition.altitude_ft:.0f} ft: {error}",)
-        raise
-    model = linearize(airframe, point)
-    design = short_period(model, actuator_rad_s=aircraft.actuator.lag_rad_s)
-    law = _law(scenario, design)
-    if scenario.adaptation.limit_command and getattr(law, "gains", None) is None:
-        raise DesignError(
-            f"adaptation.limit_command: the law '{scenario.control.law}' does not tell its gains, set it to false"
-        )
-    schedule = None
-    if any(estimator.model == "scheduled" for estimator in scenario.estimators):
-        fingerprint = (aircraft.sha256, repr(scenario.aircraft.cg_shift_cbar), version("jsbsim"), version("flightbed"))
-        schedule = load_schedule(airframe, throttle=point.throttle_norm, fingerprint=fingerprint)
-    return Plan(scenario, aircraft, point, model, design, getattr(law, "gains", None), schedule)
-
-
-def _law(scenario: Scenario, design: ShortPeriod) -> Law:
-    law: Law = registry.factory("laws", scenario.control.law)(scenario.control, design, scenario.rates.control_hz)
-    return law
-
-
 def assemble(plan: Plan) -> Flight:
     """Build all parts of one flight, on a fresh FDM; every random stream is spawned from the scenario's seed."""
     scenario, aircraft, point, design = plan.scenario, plan.aircraft, plan.trim, plan.design
     control_hz, ticks = scenario.rates.control_hz, scenario.ticks
-    sensor_seed, air_seed = np.random.SeedSequence(scenario.seed).spawn(2)  # append further consumers, never insert
+    seeds = np.random.SeedSequence(scenario.seed).spawn(3)  # append further consumers, never insert
+    sensor_seed, air_seed, process_seed = seeds
     sensors, noise = scenario.sensors, _noise(scenario)
     errors = SensorErrors(sensors.alpha_bias_deg * DEG, sensors.q_bias_deg_s * DEG, sensors.mach_error)
     onboard = _mistaken(OnBoard(design, noise, control_hz, plan.schedule), scenario.model_error)
@@ -125,26 +71,8 @@ def assemble(plan: Plan) -> Flight:
         effectiveness = registry.factory("failures", failure.kind)(failure, effectiveness, control_hz)
     names = [estimator.name for estimator in scenario.estimators]
     adaptation = scenario.adaptation
-    start = Start(
-        scenario.condition.altitude_ft * FT,
-        point.airspeed_m_s,
-        point.alpha_rad,
-        point.theta_rad,
-        point.elevator_rad,
-        point.throttle_norm,
-    )
     return Flight(
-        plant=JsbsimPlant(
-            aircraft,
-            start,
-            control_hz=control_hz,
-            plant_hz=scenario.rates.plant_hz,
-            cg_shift_cbar=scenario.aircraft.cg_shift_cbar + scenario.model_error.cg_shift_cbar,
-            fuel_kg=scenario.model_error.fuel_lbs * LB,
-            turbulence=scenario.atmosphere.turbulence,
-            seed=int(air_seed.generate_state(1)[0] >> 1),
-            effectiveness=effectiveness(0),
-        ),
+        plant=_plant(plan, effectiveness(0), air_seed, process_seed),
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
         profile=profile(
             registry.factory("commands", scenario.command.kind)(scenario.command),
@@ -153,7 +81,7 @@ def assemble(plan: Plan) -> Flight:
             filter_rad_s=scenario.command.filter_rad_s,
         ),
         effectiveness=effectiveness,
-        law=_law(scenario, design),
+        law=law_of(scenario, design),
         adaptation=Adaptation(
             enabled=adaptation.enabled,
             estimator=names.index(adaptation.estimator) if adaptation.enabled and not adaptation.oracle else 0,
@@ -172,6 +100,43 @@ def assemble(plan: Plan) -> Flight:
         alpha_trim_rad=point.alpha_rad,
         floor_m=min(0.0, scenario.condition.altitude_ft * FT - _ROOM_M),
         delay_ticks=scenario.rates.delay_ticks,
+        state_from=names.index(scenario.control.state_from) if scenario.control.state_from else None,
+    )
+
+
+def _plant(
+    plan: Plan, effectiveness: float, air_seed: np.random.SeedSequence, process_seed: np.random.SeedSequence
+) -> Plant:
+    scenario, aircraft, point = plan.scenario, plan.aircraft, plan.trim
+    if isinstance(aircraft, LinearAircraft):
+        noise = scenario.process_noise
+        return LinearPlant(
+            aircraft.design,
+            control_hz=scenario.rates.control_hz,
+            airspeed_m_s=aircraft.airspeed_m_s,
+            mach=aircraft.mach,
+            altitude_m=aircraft.altitude_ft * FT,
+            process_noise=(noise.alpha_std_deg_s * DEG, noise.q_std_deg_s2 * DEG),
+            seed=process_seed,
+        )
+    start = Start(
+        scenario.condition.altitude_ft * FT,
+        point.airspeed_m_s,
+        point.alpha_rad,
+        point.theta_rad,
+        point.elevator_rad,
+        point.throttle_norm,
+    )
+    return JsbsimPlant(
+        aircraft,
+        start,
+        control_hz=scenario.rates.control_hz,
+        plant_hz=scenario.rates.plant_hz,
+        cg_shift_cbar=scenario.aircraft.cg_shift_cbar + scenario.model_error.cg_shift_cbar,
+        fuel_kg=scenario.model_error.fuel_lbs * LB,
+        turbulence=scenario.atmosphere.turbulence,
+        seed=int(air_seed.generate_state(1)[0] >> 1),
+        effectiveness=effectiveness,
     )
 
 
@@ -232,13 +197,7 @@ def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True
         _fly(flight), estimators=[e.name for e in scenario.estimators], control_hz=scenario.rates.control_hz
     )
     wall = time.perf_counter() - began
-    if planned.schedule is not None:
-        hz, window = (
-            scenario.rates.control_hz,
-            next((e.window for e in scenario.estimators if e.memory == "window"), None),
-        )
-        at_best = bound(trace, planned.schedule, _noise(scenario), control_hz=hz, window=window)
-        trace = trace.with_column("effectiveness_bound", at_best)
+    trace = _with_bound(planned, trace)
     failed_at = first_failure_s(scenario)
     if failed_at is not None and failed_at > trace["t_s"][-1]:
         failed_at = None  # the flight ended before it
@@ -247,6 +206,19 @@ def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True
     if target is None:
         return result
     return dataclasses.replace(result, folder=write_run(result, target, rerun=rerun, replace=replace))
+
+
+def _with_bound(plan: Plan, trace: Trace) -> Trace:
+    """Add the Cramer-Rao bound of K, where there is a true model to compute it from."""
+    hz, estimators = plan.scenario.rates.control_hz, plan.scenario.estimators
+    if isinstance(plan.aircraft, LinearAircraft):
+        models = design_models(trace, plan.aircraft.design, control_hz=hz)
+    elif plan.schedule is not None:
+        models = schedule_models(trace, plan.schedule, control_hz=hz)
+    else:
+        return trace
+    window = next((e.window for e in estimators if e.memory == "window"), None)
+    return trace.with_column("effectiveness_bound", bound(trace, models, _noise(plan.scenario), window=window))
 
 
 def first_failure_s(scenario: Scenario) -> float | None:

@@ -135,6 +135,13 @@ class ModelError(_Table):
     fuel_lbs: float = 0.0
 
 
+class ProcessNoise(_Table):
+    """Of a linear aircraft: standard deviations of an alpha rate and a pitch acceleration, white, each held for one control tick."""
+
+    alpha_std_deg_s: NonNegative = 0.0
+    q_std_deg_s2: NonNegative = 0.0
+
+
 class Failure(_Table):
     """Loss of effectiveness: from at_s on, the surface keeps the share `to`; a ramp gets there over_s later."""
 
@@ -145,12 +152,27 @@ class Failure(_Table):
     over_s: Positive = 2.0
 
 
+class GainSettings(_Table):
+    """Gains as they are, summed with the signs of ``control.base.Gains``."""
+
+    alpha: float
+    q_s: float
+    elevator: float
+    reference_s: float
+    integral: float = 0.0
+
+
 class Control(_Table):
-    """The law; without poles, near those of Sillence's Table 3 (see docs/control.md)."""
+    """The law; without poles and gains, near the poles of Sillence's Table 3 (see docs/control.md).
+
+    The law is fed the readings, or alpha and q of the estimator that ``state_from`` names.
+    """
 
     law: Annotated[str, _registered("laws")] = "proportional"
     poles: tuple[tuple[float, float], ...] | None = None
     integral_pole_rad_s: Annotated[float, _between(-100.0, -1e-6)] = -0.5
+    gains: GainSettings | None = None
+    state_from: str = ""
 
     @model_validator(mode="after")
     def _stable(self) -> Control:
@@ -174,9 +196,13 @@ class Adaptation(_Table):
 
 
 class Prior(_Table):
-    """What a filter starts from; state = "measurement" starts alpha and q from the readings."""
+    """What a filter starts from; state = "measurement" starts alpha and q from the readings.
+
+    A fixed state holds at the sample at which a filter starts; the reading of that sample corrects it, or is left out.
+    """
 
     state: Literal["measurement", "fixed"] = "measurement"
+    first_reading: Literal["left-out", "used"] = "left-out"
     alpha_deg: float = 0.0
     q_deg_s: float = 0.0
     alpha_std_deg: Positive = 1.0
@@ -208,6 +234,7 @@ class EstimatorSettings(_Table):
     kind: Annotated[str, _registered("estimators")] = "loop-gain"
     model: Literal["scheduled", "short-period"] = "scheduled"
     input: Literal["absolute", "deviation"] = "absolute"
+    input_at: Literal["mean", "start", "end"] = "mean"
     memory: Literal["window", "expanding", "fading"] = "window"
     window: Annotated[int, _between(2, 10000)] = 30
     forgetting: Annotated[float, _between(0.5, 1)] = 0.98
@@ -247,6 +274,7 @@ class Scenario(_Table):
     sensors: Sensors = Sensors()
     atmosphere: Atmosphere = Atmosphere()
     model_error: ModelError = ModelError()
+    process_noise: ProcessNoise = ProcessNoise()
     failures: tuple[Failure, ...] = ()
     control: Control = Control()
     adaptation: Adaptation = Adaptation()

@@ -19,6 +19,7 @@ P_ = ParamSpec("P_")
 R_ = TypeVar("R_")
 
 _IDENTITY = np.eye(2)  # compiled in as a constant
+FIXED, ANCHORED, CORRECTED = 0.0, 1.0, 2.0  # how a filter starts
 YOUNG = 15.0  # ticks after an alarm in which the time of the change is still looked for
 
 PLAIN = os.environ.get("FLIGHTBED_PLAIN", "") not in ("", "0")
@@ -143,13 +144,14 @@ def correct(X: Array, P: Array, T: Array, H: Array, r: Array, z: tuple[float, ..
 
 
 @compiled
-def start(X: Array, P: Array, slot: int, x0: Array, P0: Array, anchor: bool, z: tuple[float, ...], r: Array) -> None:
-    """Start one filter of a bank from a prior.
+def start(X: Array, P: Array, slot: int, x0: Array, P0: Array, begin: float, z: tuple[float, ...], r: Array) -> None:
+    """Start one filter of a bank from a prior; for a state other than fixed, H = I.
 
     Args:
         slot: which.
         x0: (n+1,) prior mean; P0: (n+1, n+1) prior covariance.
-        anchor: take the state (not K) from the readings instead, with their variances; needs H = I.
+        begin: FIXED leaves the readings out; ANCHORED takes the state (not K) from them, with their variances, instead of from the
+            prior; CORRECTED lets them correct the prior, as ``correct`` does.
 
     """
     n1 = X.shape[0]
@@ -157,13 +159,15 @@ def start(X: Array, P: Array, slot: int, x0: Array, P0: Array, anchor: bool, z: 
         X[i, slot] = x0[i]
         for j in range(n1):
             P[i, j, slot] = P0[i, j]
-    if anchor:
+    if begin == ANCHORED:
         for i in range(n1 - 1):
             X[i, slot] = z[i]
             for j in range(n1):
                 P[i, j, slot] = 0.0
                 P[j, i, slot] = 0.0
             P[i, i, slot] = r[i]
+    elif begin == CORRECTED:
+        correct(X[:, slot : slot + 1], P[:, :, slot : slot + 1], np.empty((n1 + 1, n1, 1)), np.eye(n1 - 1), r, z)
 
 
 @compiled
@@ -255,7 +259,7 @@ def tick(
     """
     X, P, T = bank[0:3], bank[3:12].reshape((3, 3, -1)), bank[12:24].reshape((4, 3, -1))
     x0, P0 = settings[4:7], settings[7:16].reshape((3, 3))
-    inflation, anchor, keep, low, high = settings[16], settings[17] > 0.0, settings[18], settings[19], settings[20]
+    inflation, begin, keep, low, high = settings[16], settings[17], settings[18], settings[19], settings[20]
     r, model, z = settings[21:23], settings[23:31].reshape((2, 4)), (z0, z1)
     threshold, adaptive, hold = settings[31], settings[32] > 0.0, settings[34]
     state = bank[24:, 0]
@@ -263,7 +267,7 @@ def tick(
     best = 0
     if k == 0:
         for w in range(W):
-            start(X, P, w, x0, P0, anchor, z, r)
+            start(X, P, w, x0, P0, begin, z, r)
         T[3, 0, 0] = 0.0
         state[:] = 0.0
         state[0], state[1], state[2] = 1.0, x0[2], 0.0
@@ -319,7 +323,7 @@ def tick(
         state[0] = keep * state[0] + (1.0 - keep) * bounded
     result = (bounded, sqrt(variance), state[0], gain, X[0, best], X[1, best], T[3, 0, best], state[15])
     if W > 1 and k > 0:
-        start(X, P, k % W, x0, P0, anchor, z, r)
+        start(X, P, k % W, x0, P0, begin, z, r)
     return result
 
 
@@ -340,7 +344,7 @@ def pack_settings(
     x0: Array,
     P0: Array,
     inflation: float,
-    anchor: bool,
+    begin: float,
     keep: float,
     bounds: tuple[float, float],
     r: Array,
@@ -356,7 +360,7 @@ def pack_settings(
     alarms (0: none), whether the process noise follows the disturbances, youngest filter that may raise an alarm, variance with which
     the last estimate is held (0: the prior is).
     """
-    memory = [inflation, float(anchor), keep, *bounds]
+    memory = [inflation, begin, keep, *bounds]
     return np.concatenate(
         [Q.ravel(), x0, P0.ravel(), memory, r, model.ravel(), [threshold, float(adaptive), youngest, hold_var]]
     )

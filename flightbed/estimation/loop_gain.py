@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,9 @@ from flightbed.signals import Estimate, Measurement
 from flightbed.units import DEG
 
 Array = npt.NDArray[np.float64]
+
+
+_BEGIN = MappingProxyType({"fixed": kernels.FIXED, "measurement": kernels.ANCHORED, "corrected": kernels.CORRECTED})
 
 
 @dataclass(frozen=True)
@@ -33,10 +37,12 @@ class LoopGainConfig:
             and by a 63rd of which it may wander in a tick; 0 for neither.
         absolute: x' = A x + b (K delta - delta_trim): K scales the whole deflection, as on the aircraft. Otherwise
             x' = A x + K b (delta - delta_trim), the thesis's form, for a plant whose trim does not depend on K.
+        input_at: ``"mean"``: u is the measured deflection averaged over the sample; ``"start"`` or ``"end"``: what is measured there.
         scheduled: the model is the schedule, not the short period at the trim point; the input is then absolute.
         alpha_disturbance_rad_s, q_disturbance_rad_s2: process noise: standard deviation of an unmodelled alpha rate and
             pitch acceleration, white, each held for one tick.
-        prior_from_measurement: start alpha and q from the readings and their variances, instead of from the prior.
+        prior_state: ``"measurement"``: start alpha and q from the readings and their variances; ``"fixed"``: from the prior; ``"corrected"``:
+            from the prior corrected by the readings.
         prior_alpha_rad, prior_q_rad_s: prior state, deviations from trim.
         prior_alpha_var, prior_q_var: their variances.
         prior_effectiveness, prior_effectiveness_var: prior of K.
@@ -52,10 +58,11 @@ class LoopGainConfig:
     follow_disturbances: bool = False
     hold_std: float = 0.0
     absolute: bool = True
+    input_at: str = "mean"
     scheduled: bool = False
     alpha_disturbance_rad_s: float = 0.6 * DEG
     q_disturbance_rad_s2: float = 6.0 * DEG
-    prior_from_measurement: bool = True
+    prior_state: str = "measurement"
     prior_alpha_rad: float = 0.0
     prior_q_rad_s: float = 0.0
     prior_alpha_var: float = DEG**2
@@ -99,7 +106,7 @@ class LoopGain:
             x0=np.array([config.prior_alpha_rad, config.prior_q_rad_s, config.prior_effectiveness]),
             P0=np.diag([config.prior_alpha_var, config.prior_q_var, config.prior_effectiveness_var]),
             inflation=1.0 / config.forgetting if config.memory == "fading" else 1.0,
-            anchor=config.prior_from_measurement,
+            begin=_BEGIN[config.prior_state],
             keep=config.smoothing,
             bounds=config.bounds,
             r=np.array([noise.alpha_rad**2, noise.q_rad_s**2]),
@@ -110,6 +117,9 @@ class LoopGain:
         )
         self._bank = kernels.new_bank(config.window if config.memory == "window" else 1)
         self._tick = 0
+        self._at_start = config.input_at == "start"
+        self._input = 3 if config.input_at == "mean" else 2  # field of Measurement
+        self._before = 0.0
         # Compile, or load what was compiled, now and not in flight; tick 0 starts all anew.
         if self._schedule is None:
             kernels.tick(self._bank, self._settings, 0.0, 0.0, 0.0, 0)
@@ -120,7 +130,10 @@ class LoopGain:
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
-        alpha, q, _, elevator = measurement[:4]
+        alpha, q = measurement[:2]
+        elevator = measurement[self._input]
+        if self._at_start:
+            elevator, self._before = self._before, elevator
         if self._schedule is None:
             found = kernels.tick(
                 self._bank, self._settings, elevator - self._input_offset, alpha - self._alpha_trim, q, self._tick

@@ -101,7 +101,7 @@ def test_sigma_is_honest_in_rough_air_if_disturbances_are_followed(
 
 def test_the_tick_with_all_of_it_gives_the_same_compiled_and_plain(rng: np.random.Generator) -> None:
     settings = kernels.pack_settings(
-        Q=np.diag([1e-10, 1e-8]), x0=np.array([0.0, 0.0, 1.0]), P0=np.diag([1e-5, 1e-4, 0.4]), inflation=1.0, anchor=True,
+        Q=np.diag([1e-10, 1e-8]), x0=np.array([0.0, 0.0, 1.0]), P0=np.diag([1e-5, 1e-4, 0.4]), inflation=1.0, begin=kernels.ANCHORED,
         keep=0.9, bounds=(0.0, 1.0), r=np.array([3e-7, 4e-6]), model=np.array([[0.99, 0.01, 0.0, 0.0], [0.02, 0.99, -0.14, 0.0]]),
         threshold=12.0, adaptive=True, hold_var=0.09,
     )  # fmt: skip

@@ -187,7 +187,7 @@ def test_adaptation_rescues_the_linear_plant(design: ShortPeriod) -> None:
 @pytest.mark.parametrize("filters", [1, 7])
 def test_the_tick_gives_the_same_compiled_and_plain(rng: np.random.Generator, filters: int) -> None:
     settings = kernels.pack_settings(
-        Q=np.diag([1e-8, 1e-6]), x0=np.array([0.0, 0.0, 0.8]), P0=np.diag([1e-5, 1e-4, 0.4]), inflation=1.02, anchor=True,
+        Q=np.diag([1e-8, 1e-6]), x0=np.array([0.0, 0.0, 0.8]), P0=np.diag([1e-5, 1e-4, 0.4]), inflation=1.02, begin=kernels.ANCHORED,
         keep=0.9, bounds=(0.0, 1.0), r=np.array([3e-7, 4e-6]), model=np.array([[0.99, 0.01, 0.0, 1e-5], [0.02, 0.99, -0.14, 2e-4]]),
     )  # fmt: skip
     one, two = kernels.new_bank(filters), kernels.new_bank(filters)

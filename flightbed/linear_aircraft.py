@@ -1,0 +1,110 @@
+"""An aircraft that is a linear model: aircraft/<name>/ with kind = "linear" -> LinearAircraft, its short period and actuator."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flightbed import data
+from flightbed.air import standard_air
+from flightbed.aircraft import Actuator, Aircraft, load_aircraft
+from flightbed.errors import AircraftError, did_you_mean
+from flightbed.short_period import ShortPeriod
+from flightbed.units import FT
+
+_KEYS: Mapping[str, tuple[str, ...]] = {
+    "": ("schema", "kind", "name", "description", "condition", "short_period", "elevator"),
+    "condition": ("mach", "altitude_ft"),
+    "short_period": ("z_alpha_1_s", "z_q", "z_delta_1_s", "m_alpha_1_s2", "m_q_1_s", "m_delta_1_s2"),
+    "elevator": ("lag_rad_s",),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LinearAircraft:
+    """The short period of an aircraft at one condition, in deviations from trim, and its actuator; no limits.
+
+    Attributes:
+        name: its name.
+        description: one line.
+        design: the model, with zero trim.
+        mach, altitude_ft: the condition that it is of.
+        sha256: hash of all of it.
+
+    """
+
+    name: str
+    description: str
+    design: ShortPeriod
+    mach: float
+    altitude_ft: float
+    sha256: str
+
+    @property
+    def actuator(self) -> Actuator:
+        """A first-order lag without limits."""
+        return Actuator(self.design.actuator_rad_s, inf, -inf, inf)
+
+    @property
+    def airspeed_m_s(self) -> float:
+        """True airspeed in the standard atmosphere."""
+        return self.mach * standard_air(self.altitude_ft * FT).sound_m_s
+
+
+def load_flyable(name: str) -> Aircraft | LinearAircraft:
+    """Read what a scenario may fly: an overlay aircraft or a linear one. Raises UnknownNameError or AircraftError."""
+    try:
+        linear = tomllib.loads(_file(name).read_text(encoding="utf-8")).get("kind") == "linear"
+    except (OSError, ValueError):
+        linear = False  # load_aircraft says what is wrong
+    return load_linear_aircraft(name) if linear else load_aircraft(name)
+
+
+def load_linear_aircraft(name: str) -> LinearAircraft:
+    """Read a linear aircraft by shipped name or folder. Raises UnknownNameError or AircraftError."""
+    path = _file(name)
+    try:
+        text = path.read_text(encoding="utf-8")
+        raw = tomllib.loads(text)
+    except (OSError, ValueError) as error:
+        raise AircraftError(f"{path}: {error}") from None
+    for table, known in _KEYS.items():
+        found = raw if not table else raw.get(table)
+        dot = f"{table}." if table else ""
+        if not isinstance(found, Mapping):
+            raise AircraftError(f"{path}: [{table}] is missing")
+        for key in found:
+            if key not in known:
+                raise AircraftError(f"{path}: unknown key {dot}{key}{did_you_mean(key, known)}")
+        for key in known:
+            if key not in found:
+                raise AircraftError(f"{path}: {dot}{key} is missing")
+    numbers = {t: {k: _number(raw[t][k], f"{path}: {t}.{k}") for k in _KEYS[t]} for t in _KEYS if t}
+    for table, key in (("elevator", "lag_rad_s"), ("condition", "mach")):
+        if numbers[table][key] <= 0.0:
+            raise AircraftError(f"{path}: {table}.{key}: must be above 0 (got {numbers[table][key]:g})")
+    s = numbers["short_period"]
+    A = np.array([[s["z_alpha_1_s"], s["z_q"]], [s["m_alpha_1_s2"], s["m_q_1_s"]]])
+    design = ShortPeriod(A, np.array([s["z_delta_1_s"], s["m_delta_1_s2"]]), numbers["elevator"]["lag_rad_s"])
+    fingerprint = hashlib.sha256(repr(sorted((t, sorted(v.items())) for t, v in numbers.items())).encode()).hexdigest()
+    condition = numbers["condition"]
+    return LinearAircraft(
+        str(raw["name"]), str(raw["description"]), design, condition["mach"], condition["altitude_ft"], fingerprint
+    )
+
+
+def _file(name: str) -> Path:
+    return data.find("aircraft", name) / "aircraft.toml"
+
+
+def _number(value: Any, place: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise AircraftError(f"{place}: must be a number (got {value!r})")
+    return float(value)

@@ -1,0 +1,111 @@
+"""Scenario -> Plan: what is known before take-off; trims, linearizes and designs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+
+from flightbed import registry
+from flightbed.aircraft import Aircraft, load_path
+from flightbed.control.base import Gains, Law
+from flightbed.errors import AircraftError, DesignError, NoTrimError, ScenarioError
+from flightbed.linear_aircraft import LinearAircraft, load_flyable
+from flightbed.linearize import linearize
+from flightbed.plant.airframe import JsbsimAirframe
+from flightbed.plant.base import Controls, Motion
+from flightbed.scenario import Scenario
+from flightbed.schedule import Schedule, load_schedule
+from flightbed.short_period import ShortPeriod, short_period
+from flightbed.trim import TrimPoint, trim
+from flightbed.units import DEG, FT
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is known before take-off: the trimmed aircraft and the design that rests on it."""
+
+    scenario: Scenario
+    aircraft: Aircraft | LinearAircraft
+    trim: TrimPoint
+    design: ShortPeriod
+    gains: Gains | None  # None for a law that does not tell
+    schedule: Schedule | None  # None if no estimator asks for it
+
+
+def plan(scenario: Scenario) -> Plan:
+    """Trim, linearize and design; the plan's scenario names the very aircraft.
+
+    A linear aircraft is its own design model, and flies about a trim of zero. Raises AircraftError, NoTrimError, DesignError, and
+    ScenarioError for what a linear aircraft does not have.
+    """
+    aircraft = load_flyable(scenario.aircraft.model)
+    if scenario.aircraft.sha256 not in ("", aircraft.sha256):
+        raise AircraftError(
+            f"aircraft {scenario.aircraft.model} is not the one that this scenario was flown with (aircraft.sha256 differs); "
+            'clear the key, --set aircraft.sha256="", to fly it all the same'
+        )
+    scenario = scenario.with_aircraft(load_path(scenario.aircraft.model), aircraft.sha256)
+    schedule = None
+    if isinstance(aircraft, LinearAircraft):
+        if problems := _beyond_linear(scenario, aircraft):
+            raise ScenarioError(problems)
+        altitude_m = aircraft.altitude_ft * FT
+        point = TrimPoint(Motion(aircraft.airspeed_m_s, 0.0, 0.0, 0.0, altitude_m), Controls(0.0, 0.0), 0.0)
+        design = aircraft.design
+    else:
+        airframe, point = _trimmed(scenario, aircraft)
+        design = short_period(linearize(airframe, point), actuator_rad_s=aircraft.actuator.lag_rad_s)
+        if any(estimator.model == "scheduled" for estimator in scenario.estimators):
+            shift = repr(scenario.aircraft.cg_shift_cbar)
+            fingerprint = (aircraft.sha256, shift, version("jsbsim"), version("flightbed"))
+            schedule = load_schedule(airframe, throttle=point.throttle_norm, fingerprint=fingerprint)
+    gains: Gains | None = getattr(law_of(scenario, design), "gains", None)
+    if scenario.adaptation.limit_command and gains is None:
+        raise DesignError(
+            f"adaptation.limit_command: the law '{scenario.control.law}' does not tell its gains, set it to false"
+        )
+    return Plan(scenario, aircraft, point, design, gains, schedule)
+
+
+def law_of(scenario: Scenario, design: ShortPeriod) -> Law:
+    """Return a fresh law, as the scenario asks for it. Raises DesignError."""
+    law: Law = registry.factory("laws", scenario.control.law)(scenario.control, design, scenario.rates.control_hz)
+    return law
+
+
+def _trimmed(scenario: Scenario, aircraft: Aircraft) -> tuple[JsbsimAirframe, TrimPoint]:
+    if scenario.process_noise.alpha_std_deg_s or scenario.process_noise.q_std_deg_s2:
+        raise ScenarioError(
+            ["process_noise: only a linear aircraft has it; what disturbs a nonlinear one is atmosphere.turbulence"]
+        )
+    condition = scenario.condition
+    airframe = JsbsimAirframe(
+        aircraft,
+        mach=condition.mach,
+        altitude_m=condition.altitude_ft * FT,
+        cg_shift_cbar=scenario.aircraft.cg_shift_cbar,
+    )
+    try:
+        return airframe, trim(airframe, gamma_rad=condition.gamma_deg * DEG)
+    except NoTrimError as error:
+        error.args = (f"no trim at Mach {condition.mach:.2f}, {condition.altitude_ft:.0f} ft: {error}",)
+        raise
+
+
+def _beyond_linear(scenario: Scenario, aircraft: LinearAircraft) -> list[str]:
+    """Return what a scenario asks of a linear aircraft that it does not have, one line each."""
+    wanted: list[tuple[str, object, object]] = [
+        ("condition.mach", scenario.condition.mach, aircraft.mach),
+        ("condition.altitude_ft", scenario.condition.altitude_ft, aircraft.altitude_ft),
+        ("condition.gamma_deg", scenario.condition.gamma_deg, 0.0),
+        ("aircraft.cg_shift_cbar", scenario.aircraft.cg_shift_cbar, 0.0),
+        ("atmosphere.turbulence", scenario.atmosphere.turbulence, "none"),
+        ("model_error.cg_shift_cbar", scenario.model_error.cg_shift_cbar, 0.0),
+        ("model_error.fuel_lbs", scenario.model_error.fuel_lbs, 0.0),
+        *((f"estimators.{i}.model", e.model, "short-period") for i, e in enumerate(scenario.estimators)),
+    ]
+    return [
+        f"{key}: must be {only!r} with the linear aircraft {aircraft.name} (got {got!r})"
+        for key, got, only in wanted
+        if got != only
+    ]
