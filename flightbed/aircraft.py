@@ -140,7 +140,9 @@ def load_aircraft(name: str) -> Aircraft:
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
         if raw.get("kind") == "linear":
-            raise AircraftError(f"{path}: is a linear model already: it can be flown (flightbed run), not trimmed or linearized")
+            raise AircraftError(
+                f"{path}: is a linear model already: it can be flown (flightbed run), not trimmed or linearized"
+            )
         _check(raw, path)
         elevator = raw["elevator"]
         numbers = {key: float(value) for key, value in elevator.items()}

@@ -191,21 +191,29 @@ def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True
     """
     target = None if out is None else check_target(Path(out), replace=replace)
     planned = plan(scenario)
-    flight = assemble(planned)
     began = time.perf_counter()
-    trace = collect(
-        _fly(flight), estimators=[e.name for e in scenario.estimators], control_hz=scenario.rates.control_hz
-    )
+    trace, metrics = fly_plan(planned)
     wall = time.perf_counter() - began
-    trace = _with_bound(planned, trace)
-    failed_at = first_failure_s(scenario)
-    if failed_at is not None and failed_at > trace["t_s"][-1]:
-        failed_at = None  # the flight ended before it
-    metrics = measure(trace, alpha_trim_deg=planned.trim.alpha_rad / DEG, failed_at_s=failed_at)
-    result = Result(planned, trace, metrics, _summary(planned, trace, metrics, failed_at, wall))
+    result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall))
     if target is None:
         return result
     return dataclasses.replace(result, folder=write_run(result, target, rerun=rerun, replace=replace))
+
+
+def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:
+    """Fly what is planned, once, and measure it."""
+    scenario = plan.scenario
+    samples = _fly(assemble(plan))
+    trace = collect(samples, estimators=[e.name for e in scenario.estimators], control_hz=scenario.rates.control_hz)
+    trace = _with_bound(plan, trace)
+    alpha_trim_deg = plan.trim.alpha_rad / DEG
+    return trace, measure(trace, alpha_trim_deg=alpha_trim_deg, failed_at_s=_failed_at_s(scenario, trace))
+
+
+def _failed_at_s(scenario: Scenario, trace: Trace) -> float | None:
+    """Return the time of the first failure that the flight reached."""
+    failed_at = first_failure_s(scenario)
+    return failed_at if failed_at is not None and failed_at <= trace["t_s"][-1] else None
 
 
 def _with_bound(plan: Plan, trace: Trace) -> Trace:
@@ -227,8 +235,9 @@ def first_failure_s(scenario: Scenario) -> float | None:
     return min(ticks) / scenario.rates.control_hz if ticks else None
 
 
-def _summary(plan: Plan, trace: Trace, metrics: Metrics, failed_at: float | None, wall_s: float) -> dict[str, Any]:
+def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[str, Any]:
     scenario, design = plan.scenario, plan.design
+    failed_at = _failed_at_s(scenario, trace)
     flown_s = len(trace) / scenario.rates.control_hz
     alpha = np.abs(trace["alpha_deg"] - plan.trim.alpha_rad / DEG)
     before = trace["t_s"] < (failed_at or np.inf)  # a failure at 0 leaves no "before": then all of it

@@ -295,6 +295,10 @@ class Scenario(_Table):
         """Return the scenario bound to one very aircraft."""
         return self.model_copy(update={"aircraft": self.aircraft.model_copy(update={"model": model, "sha256": sha256})})
 
+    def with_seed(self, seed: int) -> Scenario:
+        """Return the scenario with another seed."""
+        return self.model_copy(update={"seed": seed})
+
     def to_toml(self) -> str:
         """Return the scenario with every key written out."""
         return tomli_w.dumps(self.model_dump(mode="json", by_alias=True, exclude_none=True))

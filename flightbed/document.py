@@ -1,0 +1,144 @@
+"""What a report is made of: sections of text, tables, claims and pictures; plain values, to be printed, saved or laid out on a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from flightbed.statistics import Interval, Spread
+
+Cell = str | float | int | None | Spread | Interval
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table.
+
+    Attributes:
+        key: its name in machine-readable results.
+        title: what it shows.
+        columns: headings, with units.
+        rows: as many cells each.
+        formats: column -> how its numbers are shown; .4g without.
+        note: a remark below it.
+
+    """
+
+    key: str
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    formats: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
+
+    def shown(self, row: Sequence[Cell]) -> list[str]:
+        """Return the cells of a row as text."""
+        return [show(cell, self.formats.get(column, ".4g")) for column, cell in zip(self.columns, row, strict=True)]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Something that a paper argues from, and what the computation says.
+
+    Attributes:
+        key: its name in machine-readable results.
+        text: the claim.
+        measured: what was computed to decide it.
+        interval: of that.
+        holds: whether the computation agrees, with 95 % confidence.
+
+    """
+
+    key: str
+    text: str
+    measured: str
+    interval: Interval
+    holds: bool
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure.
+
+    Attributes:
+        key: its name; of a published figure its number.
+        title: what it shows.
+        svg: the drawing.
+        parameters: what was flown, in words.
+        facts: numbers computed from what is drawn.
+
+    """
+
+    key: str
+    title: str
+    svg: str
+    parameters: str
+    facts: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, paragraphs, and what belongs to it."""
+
+    heading: str
+    text: Sequence[str] = ()
+    items: Sequence[Table | Claim | Picture] = ()
+
+
+@dataclass(frozen=True)
+class Document:
+    """A whole report; ``facts`` are values about it as a whole (versions, settings, time)."""
+
+    title: str
+    sections: Sequence[Section]
+    facts: Mapping[str, Any]
+
+    def tables(self) -> list[Table]:
+        """Return all tables, in order."""
+        return [item for section in self.sections for item in section.items if isinstance(item, Table)]
+
+    def claims(self) -> list[Claim]:
+        """Return all claims, in order."""
+        return [item for section in self.sections for item in section.items if isinstance(item, Claim)]
+
+    def pictures(self) -> list[Picture]:
+        """Return all figures, in order."""
+        return [item for section in self.sections for item in section.items if isinstance(item, Picture)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return nested plain values, ready for JSON: every number, no drawing."""
+        return {
+            **self.facts,
+            "tables": {
+                t.key: [{c: _plain(v) for c, v in zip(t.columns, row, strict=True)} for row in t.rows]
+                for t in self.tables()
+            },
+            "claims": {
+                c.key: {"claim": c.text, "measured": c.measured, "interval": _plain(c.interval), "holds": c.holds}
+                for c in self.claims()
+            },
+            "figures": {
+                p.key: {"title": p.title, "parameters": p.parameters, "facts": p.facts} for p in self.pictures()
+            },
+        }
+
+
+def show(cell: Cell, spec: str = ".4g") -> str:
+    """Return a cell as text: median [5 %, 95 %] of a spread, estimate (95 % interval) of an interval, - for nothing."""
+    if cell is None or (isinstance(cell, float) and cell != cell):
+        return "-"
+    if isinstance(cell, Spread):
+        if cell.missing == cell.runs:
+            return "never"
+        never = f", never in {cell.missing} of {cell.runs}" if cell.missing else ""
+        return f"{cell.median:{spec}} [{cell.low:{spec}}, {cell.high:{spec}}]{never}"
+    if isinstance(cell, Interval):
+        return f"{cell.estimate:{spec}} ({cell.low:{spec}} to {cell.high:{spec}})"
+    return format(cell, spec) if isinstance(cell, float) else str(cell)
+
+
+def _plain(cell: Cell) -> Any:
+    if isinstance(cell, Spread | Interval):
+        return {k: None if v != v else v for k, v in vars(cell).items()}
+    return None if isinstance(cell, float) and cell != cell else cell

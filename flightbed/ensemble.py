@@ -1,0 +1,125 @@
+"""Many flights of one plan, each with its own seed, on any executor; the results do not depend on how many work."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed.metrics import Metrics
+from flightbed.mission import Plan, fly_plan, plan
+from flightbed.scenario import Scenario
+
+Vector = npt.NDArray[np.float64]
+Progress = Callable[[int], None]
+
+CHUNK = 25  # flights of one plan that a worker does at a time
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What is kept of one flight: its metrics, and the columns that were asked for (as long as it flew)."""
+
+    seed: int
+    metrics: Metrics
+    columns: dict[str, Vector]
+
+
+@dataclass(frozen=True)
+class Job:
+    """Flights of one scenario with seeds ``first_seed``, ``first_seed`` + 1, ...
+
+    Attributes:
+        scenario: what to fly.
+        runs: how often.
+        columns: columns of the trace to keep.
+        first_seed: seed of the first flight.
+
+    """
+
+    scenario: Scenario
+    runs: int
+    columns: tuple[str, ...] = ()
+    first_seed: int = 0
+
+
+def _ignore(_flights: int) -> None:
+    pass
+
+
+def fly_jobs(
+    jobs: Sequence[Job], *, executor: Executor | None = None, progress: Progress = _ignore
+) -> list[list[Flown]]:
+    """Fly all jobs; returns the flights of each, in order of their seeds.
+
+    Args:
+        jobs: what to fly.
+        executor: where; None flies here and now.
+        progress: called with the number of flights that were done since it was called last.
+
+    """
+    chunks = [
+        (index, replace(job, runs=min(CHUNK, job.runs - start), first_seed=job.first_seed + start))
+        for index, job in enumerate(jobs)
+        for start in range(0, job.runs, CHUNK)
+    ]
+    done: list[list[tuple[int, list[Flown]]]] = [[] for _ in jobs]
+    if executor is None:
+        for index, chunk in chunks:
+            done[index].append((chunk.first_seed, fly_chunk(chunk)))
+            progress(chunk.runs)
+    else:
+        futures = {executor.submit(fly_chunk, chunk): (index, chunk) for index, chunk in chunks}
+        try:
+            for future in as_completed(futures):
+                index, chunk = futures[future]
+                done[index].append((chunk.first_seed, future.result()))
+                progress(chunk.runs)
+        except BaseException:
+            for future in futures:
+                future.cancel()
+            raise
+    return [[flown for _, flights in sorted(parts, key=lambda p: p[0]) for flown in flights] for parts in done]
+
+
+def fly_chunk(job: Job) -> list[Flown]:
+    """Plan once, fly every seed; what a worker does."""
+    planned = plan(job.scenario)
+    return [_fly_one(planned, seed, job.columns) for seed in range(job.first_seed, job.first_seed + job.runs)]
+
+
+def _fly_one(planned: Plan, seed: int, columns: tuple[str, ...]) -> Flown:
+    trace, metrics = fly_plan(replace(planned, scenario=planned.scenario.with_seed(seed)))
+    return Flown(seed, metrics, {name: trace[name] for name in columns})
+
+
+@contextmanager
+def processes(workers: int | None = None) -> Iterator[Executor | None]:
+    """Give an executor of so many fresh local processes, all cores if None; one worker is none: fly here."""
+    count = workers or os.cpu_count() or 1
+    if count == 1:
+        yield None
+        return
+    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as executor:
+        yield executor
+
+
+def histories(flights: Sequence[Flown], column: str) -> tuple[Vector, Vector, npt.NDArray[np.int64]]:
+    """Return mean, standard deviation and number of the flights still flying at every tick, of a column that was kept.
+
+    The standard deviation is that of the flights (n - 1 in the divisor); 0 where one flies.
+    """
+    longest = max(len(f.columns[column]) for f in flights)
+    table = np.full((len(flights), longest), np.nan)
+    for row, flown in zip(table, flights, strict=True):
+        row[: len(flown.columns[column])] = flown.columns[column]
+    flying = np.sum(np.isfinite(table), axis=0)
+    mean = np.nanmean(table, axis=0)
+    variance = np.nansum((table - mean) ** 2, axis=0) / np.maximum(flying - 1, 1)
+    return mean, np.sqrt(variance), flying

@@ -1,0 +1,73 @@
+"""Document -> one self-contained HTML page: no script, nothing from the network, readable on paper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+
+from flightbed.document import Claim, Document, Picture, Section, Table
+
+_STYLE = """
+:root { color-scheme: light; }
+body { font: 15px/1.5 system-ui, sans-serif; color: #1b1f24; background: #fff; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.7rem; } h2 { margin-top: 2.4rem; border-bottom: 1px solid #ccd; padding-bottom: .2rem; font-size: 1.25rem; }
+nav { columns: 2; font-size: .92rem; } nav a { color: #0b5394; text-decoration: none; }
+table { border-collapse: collapse; margin: .8rem 0 1.4rem; font-variant-numeric: tabular-nums; font-size: .9rem; }
+caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
+th, td { padding: .2rem .7rem .2rem 0; border-bottom: 1px solid #e3e6ec; text-align: left; vertical-align: top; } th { color: #555; font-weight: 600; }
+.wide { overflow-x: auto; } figure { margin: 1.4rem 0 1.8rem; break-inside: avoid; } figure svg { width: 100%; height: auto; }
+figcaption { font-size: .92rem; } figcaption b { display: block; } .facts { color: #444; } .note { color: #555; font-size: .9rem; margin-top: -1rem; }
+.claim { border-left: 4px solid; padding: .2rem .8rem; margin: .8rem 0; break-inside: avoid; } .yes { border-color: #009e73; } .no { border-color: #d55e00; }
+@media print { body { max-width: none; margin: 0; font-size: 11px; } nav { display: none; } }
+"""
+
+
+def render(document: Document) -> str:
+    """Return the page."""
+    contents = "".join(
+        f'<a href="#s{i}">{escape(section.heading)}</a><br>' for i, section in enumerate(document.sections)
+    )
+    body = "".join(_section(i, section) for i, section in enumerate(document.sections))
+    facts = "".join(f"<tr><th>{escape(str(k))}</th><td>{escape(str(v))}</td></tr>" for k, v in document.facts.items())
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        f'<link rel="icon" href="data:,"><title>{escape(document.title)}</title><style>{_STYLE}</style></head>\n'
+        f"<body><h1>{escape(document.title)}</h1><nav>{contents}</nav>{body}"
+        f"<h2>How it was made</h2><table>{facts}</table></body></html>\n"
+    )
+
+
+def _section(number: int, section: Section) -> str:
+    text = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in section.text)
+    return (
+        f'<h2 id="s{number}">{escape(section.heading)}</h2>{text}{"".join(_DRAW[type(i)](i) for i in section.items)}\n'
+    )
+
+
+def _table(table: Table) -> str:
+    head = "".join(f"<th>{escape(c)}</th>" for c in table.columns)
+    rows = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in table.shown(row)) + "</tr>" for row in table.rows
+    )
+    note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
+    return f'<div class="wide"><table><caption>{escape(table.title)}</caption><tr>{head}</tr>{rows}</table></div>{note}'
+
+
+def _claim(claim: Claim) -> str:
+    i = claim.interval
+    verdict = "The computation agrees." if claim.holds else "The computation does not bear this out."
+    return (
+        f'<div class="claim {"yes" if claim.holds else "no"}"><b>{escape(claim.text)}</b> {verdict}<br>'
+        f"{escape(claim.measured)}: {i.estimate:.3g} (95 % interval {i.low:.3g} to {i.high:.3g}, {i.runs} runs)</div>"
+    )
+
+
+def _picture(picture: Picture) -> str:
+    facts = f'<span class="facts"> {escape(picture.facts)}</span>' if picture.facts else ""
+    return (
+        f'<figure id="{escape(picture.key)}">{picture.svg}<figcaption><b>{escape(picture.title)}</b>'
+        f"{escape(picture.parameters)}{facts}</figcaption></figure>"
+    )
+
+
+_DRAW: dict[type, Callable[..., str]] = {Table: _table, Claim: _claim, Picture: _picture}
