@@ -5,12 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from flightbed.command.harmonics import MOST_HARMONICS, harmonics
 from flightbed.errors import did_you_mean
 
 if TYPE_CHECKING:
-    from flightbed.scenario import Scenario
+    from flightbed.scenario import Command, Scenario
 
-_COMMAND_IDLE = {"none": ("amplitude_deg_s", "period_s", "count", "start_s"), "constant": ("period_s", "count")}
+_PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
+_BAND = _PULSES | {"low_hz", "high_hz"}
+_BINARY = {"switch_s", "register_bits", "seed"}
+_COMMAND_KEYS = _BAND | _BINARY  # all that a kind may have no use for
+_COMMAND_USES = {
+    "none": set[str](),
+    "constant": {"amplitude_deg_s", "start_s"},
+    "doublet": _PULSES,
+    "3-2-1-1": _PULSES,
+    "chirp": _BAND,
+    "multisine": _BAND,
+    "dither": _BAND - {"count"},
+    "random": _PULSES - {"period_s"} | _BINARY,
+}
 _FIXED_PRIOR = ("first_reading", "alpha_deg", "q_deg_s", "alpha_std_deg", "q_std_deg_s")
 _KALMAN_ONLY = (
     "input", "input_at", "memory", "window", "alarm_threshold", "follow_disturbances", "hold_std", "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
@@ -28,6 +42,7 @@ def contradictions(scenario: Scenario) -> list[str]:
             problems.append(
                 f"failures.{i}.at_s: must be no later than the last tick, {(ticks - 1) / hz:g} s (got {failure.at_s:g})"
             )
+    problems += _command_contradictions(scenario.command, hz)
     names = [estimator.name for estimator in scenario.estimators]
     for i, estimator in enumerate(scenario.estimators):
         if estimator.name in names[:i]:
@@ -50,10 +65,41 @@ def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
     return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; there is: {', '.join(names) or 'none'}"
 
 
+def _command_contradictions(command: Command, hz: int) -> list[str]:
+    kind = command.kind
+    shortest = {"doublet": ("period_s", 2), "3-2-1-1": ("period_s", 7), "random": ("switch_s", 1)}
+    if kind in shortest:
+        key, parts = shortest[kind]
+        value: float = getattr(command, key)
+        if value * hz < parts - 1e-6:
+            return [f"command.{key}: must be at least {parts / hz:g}, so that a pulse lasts a tick (got {value:g})"]
+    if kind not in ("chirp", "multisine", "dither"):
+        return []
+    problems = []
+    if command.high_hz >= 0.5 * hz:
+        problems.append(
+            f"command.high_hz: must be below {0.5 * hz:g}, half of rates.control_hz (got {command.high_hz:g})"
+        )
+    if command.low_hz > command.high_hz:
+        problems.append(
+            f"command.low_hz: must be no higher than high_hz = {command.high_hz:g} (got {command.low_hz:g})"
+        )
+    elif kind != "chirp":
+        found = len(harmonics(low_hz=command.low_hz, high_hz=command.high_hz, period_s=command.period_s))
+        if not 1 <= found <= MOST_HARMONICS:
+            cure = "widen the band or lengthen the period" if found == 0 else "narrow the band or shorten the period"
+            problems.append(
+                f"command.period_s: from low_hz to high_hz there must be 1 to {MOST_HARMONICS} multiples of 1/period_s, "
+                f"{cure} (got {found})"
+            )
+    return problems
+
+
 def idle_keys(scenario: Scenario) -> dict[str, str]:
     """Return key -> the setting that leaves it without effect."""
     command, adaptation = scenario.command, scenario.adaptation
-    keys = {f"command.{key}": f"command.kind = '{command.kind}'" for key in _COMMAND_IDLE.get(command.kind, ())}
+    unused = _COMMAND_KEYS - _COMMAND_USES.get(command.kind, _COMMAND_KEYS)
+    keys = {f"command.{key}": f"command.kind = '{command.kind}'" for key in unused}
     if scenario.control.gains is not None:
         keys["control.integral_pole_rad_s"] = "control.gains"
     if scenario.control.law == "proportional":

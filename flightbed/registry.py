@@ -17,7 +17,16 @@ from flightbed.errors import UnknownNameError
 
 _BUILT_IN = MappingProxyType(
     {
-        "commands": {"doublet": "doublet", "constant": "constant", "none": "none"},
+        "commands": {
+            "doublet": "doublet",
+            "3-2-1-1": "three_two_one_one",
+            "chirp": "chirp",
+            "multisine": "multisine",
+            "random": "random",
+            "dither": "dither",
+            "constant": "constant",
+            "none": "none",
+        },
         "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral"},
         "failures": {"effectiveness": "effectiveness", "ramp": "ramp"},
         "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls"},

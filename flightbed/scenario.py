@@ -97,7 +97,17 @@ class Command(_Table):
     period_s: Positive = 4.5
     count: Annotated[int, _between(0, 10000)] = 3
     start_s: NonNegative = 0.0
+    low_hz: NonNegative = 0.2
+    high_hz: Positive = 2.0
+    switch_s: Positive = 0.3
+    register_bits: Annotated[int, _between(2, 12)] = 4
+    seed: Annotated[int, _between(0, 2**63 - 1)] = 0
     filter_rad_s: NonNegative = 3.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _small_dither(cls, raw: Any) -> Any:
+        return {"amplitude_deg_s": 0.5, **raw} if isinstance(raw, Mapping) and raw.get("kind") == "dither" else raw
 
 
 class Sensors(_Table):

@@ -45,7 +45,7 @@ def test_json_is_alone_on_stdout(tmp_path: Path) -> None:
 def test_list_names_everything_with_a_line_each(tmp_path: Path) -> None:
     listed = flightbed("list", cwd=tmp_path).stdout
     for name in ("f16", "nominal", "elevator-loss", "elevator-loss-fixed", "straight-and-level", "doublet", "constant", "none",
-                 "proportional", "proportional-integral", "effectiveness", "loop-gain"):  # fmt: skip
+                 "3-2-1-1", "chirp", "multisine", "random", "dither", "proportional", "proportional-integral", "effectiveness", "loop-gain"):  # fmt: skip
         assert f"\n  {name} " in listed
     assert flightbed("list", "laws", cwd=tmp_path).stdout.splitlines()[0].startswith("proportional ")
 

@@ -75,6 +75,32 @@ def test_level_flight_shows_the_loss_without_dither() -> None:
     assert run(load_scenario("straight-and-level", ["adaptation.enabled=false"])).metrics.departed
 
 
+def test_where_the_elevator_trims_nothing_only_dither_shows_the_loss() -> None:
+    """With the c.g. 5.7 % aft both filters find 80 % lost by the dither, and neither within 1.5 s without."""
+    shaken = run(load_scenario("dithered-level"))
+    still = run(load_scenario("dithered-level", ["command.kind=none"]))
+    assert abs(shaken.summary["trim"]["elevator_deg"]) < 0.05
+    for name, error in (("scheduled", 0.03), ("short-period", 0.08)):
+        seen, blind = (r.metrics.estimators[name] for r in (shaken, still))
+        assert seen.median_abs_error_post < error
+        assert seen.first_within_20pct_s is not None
+        assert seen.first_within_20pct_s < 0.6
+        assert blind.first_within_20pct_s is None or blind.first_within_20pct_s > 1.5
+    assert still.metrics.estimators["short-period"].median_abs_error_post > 0.6  # the prior, 1, against 0.2
+    assert np.abs(shaken.trace["nz_g"] - 1.0).max() < 0.2
+    assert np.std(shaken.trace["q_cmd_deg_s"][-450:]) == pytest.approx(np.std(shaken.trace["q_cmd_deg_s"][:450]))
+
+
+def test_the_random_command_has_a_seed_of_its_own() -> None:
+    def commanded(*overrides: str) -> list[float]:
+        sets = ["command.kind=random", "duration_s=10", *overrides]
+        return list(run(load_scenario("nominal", sets)).trace["q_cmd_deg_s"])
+
+    plain = commanded()
+    assert commanded("seed=7") == plain
+    assert commanded("command.seed=7") != plain
+
+
 @pytest.mark.parametrize(
     "overrides",
     [

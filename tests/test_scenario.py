@@ -5,11 +5,13 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flightbed import data
+from flightbed import data, registry
+from flightbed.consistency import idle_keys
 from flightbed.errors import InputError, ScenarioError, UnknownNameError
 from flightbed.scenario import Scenario, load_scenario
 
@@ -82,7 +84,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("estimators.1.name=scheduled", f"{FILE}: estimators.1.name: must be unique (got 'scheduled' twice)"),
         ("adaptation.estimator=schedule", f"{FILE}: adaptation.estimator: no estimator is named 'schedule'; did you mean scheduled?; there is: scheduled, expanding"),
         ("control.law=pid", "--set control.law: unknown law; known: proportional, proportional-integral (got 'pid')"),
-        ("command.kind=dublet", "--set command.kind: unknown command; did you mean doublet?; known: constant, doublet, none (got 'dublet')"),
+        ("command.kind=dublet", "--set command.kind: unknown command; did you mean doublet?; known: 3-2-1-1, chirp, constant, dither, doublet, multisine, none, random (got 'dublet')"),
         ("atmosphere.turbulence=heavy", "--set atmosphere.turbulence: must be 'none', 'light', 'moderate' or 'severe' (got 'heavy')"),
         ("failures=3", "--set failures: must be a list (got 3)"),
         ("aircraft=3", "--set aircraft: must be a table (got 3)"),
@@ -107,6 +109,55 @@ def test_each_problem_is_one_line_with_place_value_and_cure(override: str, messa
         load_scenario("elevator-loss", [override])
     assert str(caught.value) == message
     assert caught.value.exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "override", "message"),
+    [
+        ("chirp", "command.high_hz=50", f"{FILE}: command.high_hz: must be below 50, half of rates.control_hz (got 50)"),
+        ("dither", "command.high_hz=50", f"{FILE}: command.high_hz: must be below 50, half of rates.control_hz (got 50)\n{FILE}: command.period_s: from low_hz to high_hz there must be 1 to 100 multiples of 1/period_s, narrow the band or shorten the period (got 225)"),
+        ("chirp", "command.low_hz=2.5", f"{FILE}: command.low_hz: must be no higher than high_hz = 2 (got 2.5)"),
+        ("multisine", "command.low_hz=2.5", f"{FILE}: command.low_hz: must be no higher than high_hz = 2 (got 2.5)"),
+        ("multisine", "command.period_s=0.4", f"{FILE}: command.period_s: from low_hz to high_hz there must be 1 to 100 multiples of 1/period_s, widen the band or lengthen the period (got 0)"),
+        ("dither", "command.period_s=60", f"{FILE}: command.period_s: from low_hz to high_hz there must be 1 to 100 multiples of 1/period_s, narrow the band or shorten the period (got 109)"),
+        ("3-2-1-1", "command.period_s=0.06", f"{FILE}: command.period_s: must be at least 0.07, so that a pulse lasts a tick (got 0.06)"),
+        ("doublet", "command.period_s=0.01", f"{FILE}: command.period_s: must be at least 0.02, so that a pulse lasts a tick (got 0.01)"),
+        ("random", "command.switch_s=0.005", f"{FILE}: command.switch_s: must be at least 0.01, so that a pulse lasts a tick (got 0.005)"),
+        ("random", "command.register_bits=1", "--set command.register_bits: must be between 2 and 12 (got 1)"),
+        ("random", "command.seed=-1", "--set command.seed: must be between 0 and 9223372036854775807 (got -1)"),
+        ("random", "command.period_s=3", "--set command.period_s: has no effect with command.kind = 'random'"),
+        ("random", "command.low_hz=1", "--set command.low_hz: has no effect with command.kind = 'random'"),
+        ("dither", "command.count=2", "--set command.count: has no effect with command.kind = 'dither'"),
+        ("chirp", "command.seed=2", "--set command.seed: has no effect with command.kind = 'chirp'"),
+        ("multisine", "command.switch_s=2", "--set command.switch_s: has no effect with command.kind = 'multisine'"),
+        ("3-2-1-1", "command.high_hz=2", "--set command.high_hz: has no effect with command.kind = '3-2-1-1'"),
+        ("doublet", "command.register_bits=5", "--set command.register_bits: has no effect with command.kind = 'doublet'"),
+        ("constant", "command.period_s=5", "--set command.period_s: has no effect with command.kind = 'constant'"),
+        ("none", "command.amplitude_deg_s=5", "--set command.amplitude_deg_s: has no effect with command.kind = 'none'"),
+    ],
+)  # fmt: skip
+def test_commands_that_contradict_themselves_or_ignore_a_key(kind: str, override: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", [f"command.kind={kind}", override])
+    assert str(caught.value) == message
+
+
+def test_every_key_of_a_command_is_either_used_or_refused() -> None:
+    """By what is flown: a key changes the sampled command exactly if it may be set."""
+    t = np.arange(4000) / 100
+    changes = {"amplitude_deg_s": 1.5, "period_s": 7.7, "count": 2, "start_s": 1.3, "low_hz": 0.6, "high_hz": 1.1, "switch_s": 0.4, "register_bits": 5, "seed": 3}  # fmt: skip
+    for kind in registry.names("commands"):
+        settings = load_scenario("elevator-loss", [f"command.kind={kind}"])
+        make, plain = registry.factory("commands", kind), settings.command
+        for key, value in changes.items():
+            differs = not np.array_equal(make(plain.model_copy(update={key: value}))(t), make(plain)(t))
+            assert differs != (f"command.{key}" in idle_keys(settings)), (kind, key)
+
+
+def test_dither_is_small_unless_it_is_told_otherwise() -> None:
+    assert load_scenario("level-loss", ["command.kind=dither"]).command.amplitude_deg_s == 0.5
+    assert load_scenario("level-loss", ["command.kind=multisine"]).command.amplitude_deg_s == 5.0
+    assert load_scenario("elevator-loss", ["command.kind=dither"]).command.amplitude_deg_s == 5.0  # the file says so
 
 
 def test_all_problems_come_at_once(tmp_path: Path) -> None:

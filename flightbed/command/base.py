@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, sqrt
 from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 Vector = npt.NDArray[np.float64]
+
+ROUND_OFF_S = 1e-9  # t = k / hz can fall short of a switching time by round-off
 
 
 class Command(Protocol):
@@ -41,3 +43,22 @@ def profile(command: Command, *, ticks: int, control_hz: int, filter_rad_s: floa
         q_ref[k] = state
         state = keep * state + (1.0 - keep) * q_cmd[k]
     return Profile(q_cmd, q_ref)
+
+
+def energy(q_rad_s: Vector, *, control_hz: int) -> float:
+    """Return the integral of q^2 dt over a record that is held between ticks, rad^2/s."""
+    return float(np.sum(np.square(q_rad_s))) / control_hz
+
+
+def relative_peak_factor(q_rad_s: Vector) -> float:
+    """Return (max q - min q) / (2 sqrt(2) rms q) of a record: 1 for a sine, 1/sqrt(2) for a square wave, any unit.
+
+    Raises:
+        ValueError: the record is empty or zero throughout.
+
+    Source:
+        Klein and Morelli, Aircraft System Identification (2006), ch. 9; rms about zero, not about the mean.
+    """
+    if not np.any(q_rad_s):
+        raise ValueError("a relative peak factor needs a record that is not zero throughout")
+    return float((np.max(q_rad_s) - np.min(q_rad_s)) / (2.0 * sqrt(2.0) * np.sqrt(np.mean(np.square(q_rad_s)))))

@@ -116,9 +116,7 @@ def _smoothed(axes: list[Axes], flown: Sequence[Flown]) -> str:
         [(_RAW, "window", drawing.OTHER), (_SMOOTH, "smoothed", drawing.ACTUAL)],
         band=_left(flown[0]),
     )
-    return (
-        plots.error_words(flown[0], _RAW, "window") + " " + plots.error_words(flown[0], _SMOOTH, "smoothed")
-    )
+    return plots.error_words(flown[0], _RAW, "window") + " " + plots.error_words(flown[0], _SMOOTH, "smoothed")
 
 
 def _two_sigma(axes: list[Axes], flown: Sequence[Flown]) -> str:
@@ -173,11 +171,7 @@ def _unbounded(axes: list[Axes], flown: Sequence[Flown]) -> str:
         [(raw, "window", drawing.OTHER), (_SMOOTH, "bounded, smoothed", drawing.ACTUAL)],
         band=_left(flown[0]),
     )
-    return (
-        plots.error_words(flown[0], raw, "window")
-        + " "
-        + plots.error_words(flown[0], _SMOOTH, "bounded, smoothed")
-    )
+    return plots.error_words(flown[0], raw, "window") + " " + plots.error_words(flown[0], _SMOOTH, "bounded, smoothed")
 
 
 def _adapted(axes: list[Axes], flown: Sequence[Flown]) -> str:

@@ -1,0 +1,35 @@
+"""Chirp: a sine that sweeps from one frequency to another."""
+
+from __future__ import annotations
+
+from math import floor, pi
+
+import numpy as np
+
+from flightbed.command.base import ROUND_OFF_S, Command, Vector
+
+
+def chirp(
+    *, amplitude_rad_s: float, low_hz: float, high_hz: float, period_s: float, count: int, start_s: float = 0.0
+) -> Command:
+    """Sweep the frequency linearly from low_hz to high_hz in period_s, ``count`` times, then nothing.
+
+    With tau the time since the start of the sweep, and phi the phase at which the sweep before it ended,
+
+        u = A sin(phi + 2 pi (low tau + (high - low) tau^2 / (2 period)))
+
+    so the phase begins at zero and never jumps; the frequency does, back to low_hz, between sweeps. The half cycle that does not come
+    to its end with the last sweep is left out: the command ends at zero, as it began.
+    """
+    sweep_cycles = 0.5 * (low_hz + high_hz) * period_s
+    half_cycles = floor(2.0 * count * sweep_cycles + 1e-9)  # whole ones
+
+    def command(t_s: Vector) -> Vector:
+        since = t_s - start_s
+        sweep = np.clip(np.floor((since + ROUND_OFF_S) / period_s), 0, max(count - 1, 0))
+        tau = since - sweep * period_s
+        cycles = sweep * sweep_cycles + (low_hz + 0.5 * (high_hz - low_hz) * tau / period_s) * tau
+        active = (since >= 0.0) & (since < count * period_s) & (2.0 * cycles < half_cycles)
+        return np.where(active, amplitude_rad_s * np.sin(2.0 * pi * cycles), 0.0)
+
+    return command

@@ -1,0 +1,12 @@
+"""Which harmonics of a period lie in a band; light, because every scenario that is read asks."""
+
+from __future__ import annotations
+
+from math import ceil, floor
+
+MOST_HARMONICS = 100  # the search for their phases takes seconds there
+
+
+def harmonics(*, low_hz: float, high_hz: float, period_s: float) -> range:
+    """Return the numbers of the harmonics of 1 / period_s from low_hz to high_hz, both included; empty if there is none."""
+    return range(max(1, ceil(low_hz * period_s - 1e-9)), floor(high_hz * period_s + 1e-9) + 1)

@@ -1,0 +1,135 @@
+"""Multisine: harmonics of equal power, with the phases that give the flattest signal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from math import ceil, log2, pi
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq, minimize
+
+from flightbed.command.base import ROUND_OFF_S, Command, Vector, relative_peak_factor
+from flightbed.command.harmonics import harmonics
+
+_CURVATURES = (1.0, 1.5, 2.0)  # of the starts: one ends in a poor minimum now and then
+_NORMS = (4, 8, 16, 32, 64, 128, 256, 512)
+_COARSE, _FINE = (
+    16,
+    256,
+)  # samples per cycle of the highest harmonic: of the search, and of what is measured of its result
+
+
+def schroeder_phases(number: int, *, curvature: float = 1.0) -> Vector:
+    """Return phases of cosines for a flat spectrum, (number,), rad: -pi c k (k + 1) / number, k from 0.
+
+    Source:
+        Schroeder (1970), IEEE Trans. Information Theory 16, 85-89, with c = 1. Other curvatures c are starts of the search only.
+    """
+    k = np.arange(number)
+    return -pi * curvature * k * (k + 1) / number
+
+
+def flat_phases(numbers: Sequence[int]) -> Vector:
+    """Return phases of cosines that make the relative peak factor small, and the sum zero and rising at time 0.
+
+    Minimizes ||u - c||_p over the phases and the offset c, for p = 4, 8, ... 512, each from where the one before ended: for p to infinity
+    the norm is half of max u - min u, at constant rms. The search starts from Schroeder's phases and from two more curved sets, and the
+    best is kept; no start is random. Then time is shifted to a rising zero crossing.
+
+    Args:
+        numbers: (n,) harmonics, rising.
+
+    Returns:
+        (n,) rad.
+
+    Source:
+        The criterion and the shift are Morelli's (Klein and Morelli, Aircraft System Identification, 2006, ch. 9), the norms of rising
+        order Guillaume and others' (1991, IEEE Trans. Instrumentation and Measurement 40, 982-989). Departures: Morelli searches by a
+        simplex, Guillaume by Gauss-Newton for the peak of abs(u), without c; here L-BFGS with the exact gradient, from FFTs.
+    """
+    return _flat_phases(tuple(numbers)).copy()
+
+
+@cache
+def _flat_phases(numbers: tuple[int, ...]) -> Vector:
+    found = [_flattened(numbers, schroeder_phases(len(numbers), curvature=c)) for c in _CURVATURES]
+    best = min(found, key=lambda phases: relative_peak_factor(one_period(numbers, phases)))
+    n, u = np.array(numbers), one_period(numbers, best)
+    i = int(np.flatnonzero((np.roll(u, 1) < -1e-6) & (np.roll(u, -1) > 1e-6))[0])  # beyond round-off on either side
+    step = 2.0 * pi / len(u)
+    turn = brentq(lambda x: float(np.sum(np.cos(n * x + best))), (i - 1) * step, (i + 1) * step, xtol=1e-14)
+    return (best + n * turn) % (2.0 * pi)
+
+
+def one_period(numbers: Sequence[int], phases: Vector, *, per_cycle: int = _FINE) -> Vector:
+    """Return one period of the sum of cosines of unit amplitude, finely sampled: at least per_cycle samples per cycle of the highest."""
+    return _sampled(np.array(numbers), phases, _samples(numbers, per_cycle))
+
+
+def _samples(numbers: Sequence[int], per_cycle: int) -> int:
+    return int(2 ** ceil(log2(per_cycle * max(numbers))))
+
+
+def _sampled(n: npt.NDArray[np.int_], phases: Vector, samples: int) -> Vector:
+    spectrum = np.zeros(samples // 2 + 1, dtype=complex)
+    spectrum[n] = 0.5 * samples * np.exp(1j * phases)
+    return np.fft.irfft(spectrum, samples)
+
+
+def _flattened(numbers: Sequence[int], phases: Vector) -> Vector:
+    n, samples = np.array(numbers), _samples(numbers, _COARSE)
+    x = np.append(phases, 0.0)
+    for p in _NORMS:
+        x = minimize(_norm, x, args=(n, samples, p), jac=True, method="L-BFGS-B", options={"maxiter": 200}).x
+    return x[:-1]
+
+
+def _norm(x: Vector, n: npt.NDArray[np.int_], samples: int, p: int) -> tuple[float, Vector]:
+    """Return (mean of (u - c)^p)^(1/p), p even, and its gradient over the phases and c; x = (phases, c)."""
+    v = _sampled(n, x[:-1], samples) - x[-1]
+    peak = float(np.max(np.abs(v)))
+    v /= peak  # so that no power overflows
+    mean = float(np.mean(v**p))
+    weight = v ** (p - 1) * mean ** (1.0 / p - 1.0) / samples  # of each sample in the gradient
+    by_phase = (np.exp(1j * x[:-1]) * np.conj(np.fft.rfft(weight)[n])).imag  # the sum of weight * sin(n t + phase)
+    return peak * mean ** (1.0 / p), -np.append(by_phase, np.sum(weight))
+
+
+def multisine(
+    *, amplitude_rad_s: float, low_hz: float, high_hz: float, period_s: float, count: float, start_s: float = 0.0
+) -> Command:
+    """Fly ``count`` periods of the flattest sum of all harmonics of 1 / period_s in the band, then nothing; infinite is for ever.
+
+    u = A / peak * sum over n of cos(2 pi n tau / period_s + phase_n), phases of `flat_phases`: all harmonics have the same power, the
+    mean is zero, and the command begins and ends at a zero crossing, without a jump.
+
+    Args:
+        amplitude_rad_s: largest abs(u), to 1e-4 of it: not the amplitude of one harmonic.
+        low_hz: lower end of the band; a harmonic on it belongs to it.
+        high_hz: upper end, likewise.
+        period_s: of the fundamental.
+        count: periods; ``math.inf`` for dither.
+        start_s: nothing is asked for before.
+
+    Raises:
+        ValueError: the band has no harmonic.
+
+    """
+    numbers = harmonics(low_hz=low_hz, high_hz=high_hz, period_s=period_s)
+    if not numbers:
+        raise ValueError(f"no multiple of 1/{period_s:g} Hz lies between {low_hz:g} and {high_hz:g} Hz; widen the band")
+    phases = flat_phases(numbers)
+    each = amplitude_rad_s / float(np.max(np.abs(one_period(numbers, phases))))
+
+    def command(t_s: Vector) -> Vector:
+        since = t_s - start_s
+        turn = 2.0 * pi * (since / period_s % 1.0)
+        total = np.zeros_like(turn)
+        for n, phase in zip(numbers, phases, strict=True):
+            total += np.cos(n * turn + phase)
+        active = (since >= 0.0) & (since < count * period_s - ROUND_OFF_S)
+        return np.where(active, each * total, 0.0)
+
+    return command
