@@ -22,7 +22,6 @@ from flightbed.control.base import Gains, Law
 from flightbed.control.design import peak_deflection
 from flightbed.errors import AircraftError, DesignError, NoTrimError
 from flightbed.estimation.base import OnBoard
-from flightbed.failures.effector import healthy
 from flightbed.folder import check_target, write_run
 from flightbed.linearize import LinearModel, linearize
 from flightbed.loop import Flight
@@ -120,9 +119,7 @@ def assemble(plan: Plan) -> Flight:
     sensors, noise = scenario.sensors, _noise(scenario)
     errors = SensorErrors(sensors.alpha_bias_deg * DEG, sensors.q_bias_deg_s * DEG, sensors.mach_error)
     onboard = _mistaken(OnBoard(design, noise, control_hz, plan.schedule), scenario.model_error)
-    effectiveness = healthy
-    for failure in sorted(scenario.failures, key=lambda f: f.at_s):  # of two at once the later in the file acts
-        effectiveness = registry.factory("failures", failure.kind)(failure, effectiveness, control_hz)
+    health = factories.failing(scenario)
     names = [estimator.name for estimator in scenario.estimators]
     adaptation = scenario.adaptation
     start = Start(
@@ -143,7 +140,8 @@ def assemble(plan: Plan) -> Flight:
             fuel_kg=scenario.model_error.fuel_lbs * LB,
             turbulence=scenario.atmosphere.turbulence,
             seed=int(air_seed.generate_state(1)[0] >> 1),
-            effectiveness=effectiveness(0),
+            health=health(0),
+            gusts=factories.gusts(scenario.gusts),
         ),
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
         profile=profile(
@@ -152,7 +150,7 @@ def assemble(plan: Plan) -> Flight:
             control_hz=control_hz,
             filter_rad_s=scenario.command.filter_rad_s,
         ),
-        effectiveness=effectiveness,
+        health=health,
         law=_law(scenario, design),
         adaptation=Adaptation(
             enabled=adaptation.enabled,

@@ -19,7 +19,12 @@ _BUILT_IN = MappingProxyType(
     {
         "commands": {"doublet": "doublet", "constant": "constant", "none": "none"},
         "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral"},
-        "failures": {"effectiveness": "effectiveness", "ramp": "ramp"},
+        "failures": {
+            "effectiveness": "effectiveness",
+            "ramp": "ramp",
+            "structural": "structural",
+            "cg-shift": "cg_shift",
+        },
         "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls"},
     }
 )

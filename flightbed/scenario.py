@@ -135,14 +135,25 @@ class ModelError(_Table):
     fuel_lbs: float = 0.0
 
 
+class GustSettings(_Table):
+    """Vertical air, up positive, that rises to its peak as 1-cos from at_s on, holds, and falls as it rose."""
+
+    at_s: NonNegative
+    up_fps: Annotated[float, _between(-500, 500)]
+    rise_s: Positive
+    hold_s: NonNegative = 0.0
+
+
 class Failure(_Table):
-    """Loss of effectiveness: from at_s on, the surface keeps the share `to`; a ramp gets there over_s later."""
+    """What fails from at_s on; which other keys a kind needs, and has no use for, says consistency.py."""
 
     kind: Annotated[str, _registered("failures")] = "effectiveness"
     surface: Literal["elevator"] = "elevator"
     at_s: NonNegative
-    to: Share
+    to: Share = 1.0
+    force_to: Share = 1.0
     over_s: Positive = 2.0
+    shift_cbar: Annotated[float, _between(-0.5, 0.5)] = 0.0
 
 
 class Control(_Table):
@@ -246,6 +257,7 @@ class Scenario(_Table):
     command: Command = Command()
     sensors: Sensors = Sensors()
     atmosphere: Atmosphere = Atmosphere()
+    gusts: tuple[GustSettings, ...] = ()
     model_error: ModelError = ModelError()
     failures: tuple[Failure, ...] = ()
     control: Control = Control()

@@ -115,6 +115,7 @@ def test_gusts_have_the_same_sense_in_every_flight() -> None:
     """The air ahead of the nose comes first: a gust that lowers alpha turns the air past the aircraft nose down."""
     from flightbed.mission import assemble, plan
     from flightbed.plant.jsbsim import JsbsimPlant
+    from flightbed.signals import HEALTHY
 
     for seed in range(3):
         plant = assemble(plan(load_scenario("nominal", ["atmosphere.turbulence=moderate", f"seed={seed}"]))).plant
@@ -123,7 +124,7 @@ def test_gusts_have_the_same_sense_in_every_flight() -> None:
         gust, turn = fdm.getter("atmosphere/total-wind-down-fps"), fdm.getter("atmosphere/q-turb-rad_sec")
         w, q = [], []
         for _ in range(300):
-            plant.advance(-0.017, 1.0, 1.0)
+            plant.advance(-0.017, HEALTHY, HEALTHY)
             w.append(gust())
             q.append(turn())
         assert np.corrcoef(np.diff(w), q[1:])[0, 1] < -0.3
