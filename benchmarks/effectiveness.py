@@ -277,6 +277,43 @@ def robustness(fly_all: Fly, seeds: int) -> dict[str, tuple[int, int]]:
     return lost
 
 
+def _cg(shift_cbar: float) -> tuple[str, ...]:
+    return ("failures.1.kind=cg-shift", "failures.1.at_s=4.5", f"failures.1.shift_cbar={shift_cbar}")
+
+
+DAMAGE: tuple[tuple[str, Job], ...] = (
+    *((f"moment {to}, force {force}", job(to=to, set=("failures.0.kind=structural", f"failures.0.force_to={force}")))
+      for to in (0.4, 0.2) for force in (to, 0.8, 1.0)),
+    *((f"K {to}, c.g. {shift:+.0%}", job(to=to, set=_cg(shift)))
+      for to in (0.4, 0.2) for shift in (-0.04, -0.02, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08)),
+    *((f"K 1, c.g. {shift:+.0%}", job(to=1.0, set=_cg(shift))) for shift in (-0.03, 0.03, 0.06)),
+    *((f"K 0.2, gust {up} ft/s in {rise} s at {at} s",
+       job(to=0.2, set=(f"gusts.0.at_s={at}", f"gusts.0.up_fps={up}", f"gusts.0.rise_s={rise}", "gusts.0.hold_s=0.5")))
+      for at in (2.0, 6.0) for up, rise in ((10, 0.5), (30, 0.5), (30, 0.1), (-30, 0.1))),
+)  # fmt: skip
+
+
+def damage(fly_all: Fly, seeds: int) -> dict[str, tuple[int, int]]:
+    """Fly what the model on board knows nothing of: structural damage, a c.g. that moves, gusts; returns departures (adaptive, oracle)."""
+    rows, lost = [], {}
+    for name, base in DAMAGE:
+        jobs = [{**base, "seed": s} for s in range(seeds)]
+        adaptive, oracle = fly_all(jobs), fly_all([{**j, "adapt": "oracle"} for j in jobs])
+        lost[name] = (sum(f["departed"] for f in adaptive), sum(f["departed"] for f in oracle))
+        rows.append([
+            name, spread(_of(adaptive, "median_abs_error_post")), spread(_of(adaptive, "rms_error_smoothed_post")),
+            spread(_of(adaptive, "final")), spread(_of(adaptive, "nees_mean_post"), ".1f"), spread(_of(adaptive, "false_alarms"), ".0f"),
+            spread(_of(adaptive, "detected_at_s"), ".2f"), _tracking(adaptive), _tracking(oracle), f"{lost[name][0]} / {lost[name][1]}",
+        ])  # fmt: skip
+    _print(
+        f"Damage and gusts that the model on board does not know of, M 0.8, {seeds} seeds",
+        ("flight", "median error", "smoothed RMS", "K-hat at the end", "NEES", "false alarms", "alarm after, s",
+         "tracking, deg/s", "oracle", "departures / oracle's"),
+        rows,
+    )  # fmt: skip
+    return lost
+
+
 def regret(fly_all: Fly, failures: int) -> tuple[Any, int]:
     """Fly random failures against the oracle; returns the regrets and the departures that the oracle does not have."""
     rng = np.random.default_rng(1999)
@@ -303,7 +340,8 @@ def regret(fly_all: Fly, failures: int) -> tuple[Any, int]:
 def main() -> None:
     """Fly the sections that are asked for."""
     sections: dict[str, Callable[[Fly, int], Any]] = {
-        "conditions": conditions, "envelope": envelope, "roc": roc, "honesty": honesty, "robustness": robustness, "regret": regret,
+        "conditions": conditions, "envelope": envelope, "roc": roc, "honesty": honesty, "robustness": robustness, "damage": damage,
+        "regret": regret,
     }  # fmt: skip
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("section", nargs="*", help=", ".join(sections), default=[])

@@ -182,7 +182,7 @@ _KEYS = {
     "stock": {"file", "sha256"},
     "elevator": {"lag_rad_s", "rate_limit_deg_s", "min_deg", "max_deg"},
     "limits": {"alpha_deg", "throttle_norm"},
-    "properties": {"elevator_cmd_rad", "elevator_rad", "effectiveness", "throttle_norm"},
+    "properties": {"elevator_cmd_rad", "elevator_rad", "effectiveness", "elevator_force", "throttle_norm"},
 }
 # An overlay may leave these out: then aileron and rudder are commands to the stock control laws.
 _LATERAL = ("aileron", "rudder")

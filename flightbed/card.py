@@ -8,7 +8,7 @@ import numpy as np
 
 from flightbed.aircraft import Actuator
 from flightbed.metrics import at_stop
-from flightbed.scenario import Failure, Scenario
+from flightbed.settings import Failure, GustSettings, Scenario
 from flightbed.trace import Trace
 
 
@@ -28,7 +28,8 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
         f"- law: {scenario.control.law}; {correction(scenario)}\n"
         f"- tracking RMS: {_show(summary['tracking_rms_pre_deg_s'], '.2f')} deg/s before, "
         f"{_show(summary['tracking_rms_post_deg_s'], '.2f')} deg/s from 0.3 s after the failure\n\n"
-        f"- failures: {'; '.join(failures(scenario)) or 'none'}\n\n"
+        f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
+        f"- gusts: {'; '.join(f'at {g.at_s:g} s {_blows(g)}' for g in scenario.gusts) or 'none'}\n\n"
         f"| estimator | median abs. error | smoothed RMS error "
         f"| first within 20 %, s | mean NIS (2) |\n|---|---|---|---|---|\n{estimators}\n"
         f"flightbed {summary['versions']['flightbed']}, JSBSim {summary['versions']['jsbsim']}\n"
@@ -63,7 +64,17 @@ def failures(scenario: Scenario) -> list[str]:
 def _happens(failure: Failure) -> str:
     if failure.kind == "ramp":
         return f"the {failure.surface} begins to go to {failure.to:.0%} of its effect, over {failure.over_s:g} s"
+    if failure.kind == "structural":
+        return f"the {failure.surface} keeps {failure.to:.0%} of its moment and {failure.force_to:.0%} of its lift and drag"
+    if failure.kind == "cg-shift":
+        where = "aft" if failure.shift_cbar >= 0.0 else "ahead"
+        return f"the c.g. moves to {abs(failure.shift_cbar):.1%} of the chord {where} of where it was at take-off"
     return f"the {failure.surface} keeps {failure.to:.0%} of its effect"
+
+
+def _blows(gust: GustSettings) -> str:
+    rising = f"rising for {gust.rise_s:g} s" + (f", held for {gust.hold_s:g} s" if gust.hold_s else "")
+    return f"a gust of {abs(gust.up_fps):g} ft/s {'up' if gust.up_fps >= 0.0 else 'down'}, {rising}"
 
 
 def events(
@@ -71,10 +82,11 @@ def events(
 ) -> list[tuple[float, str, bool]]:
     """Return (time in s, text, severe) of what happened, in order of time."""
     happened = [(f.at_s, f"FAILURE: {_happens(f)}", True) for f in scenario.failures if f.at_s <= trace["t_s"][-1]]
-    failed_at = summary["failed_at_s"]
+    happened += [(g.at_s, f"gust: {_blows(g)}", False) for g in scenario.gusts if g.at_s <= trace["t_s"][-1]]
+    since = summary["estimators_since_s"]
     for name, m in summary["estimators"].items():
         if m["first_within_20pct_s"] is not None:
-            happened.append((failed_at + m["first_within_20pct_s"], f"K of '{name}' within 20 % of the truth", False))
+            happened.append((since + m["first_within_20pct_s"], f"K of '{name}' within 20 % of the truth", False))
         alarms = trace[f"{name}.alarms"]
         happened += [
             (

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from flightbed.command.harmonics import MOST_HARMONICS, harmonics
 from flightbed.errors import did_you_mean
 
 if TYPE_CHECKING:
-    from flightbed.scenario import Command, Scenario
+    from flightbed.settings import Command, Scenario
 
 _PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
 _BAND = _PULSES | {"low_hz", "high_hz"}
@@ -26,8 +27,21 @@ _COMMAND_USES = {
     "random": _PULSES - {"period_s"} | _BINARY,
 }
 _FIXED_PRIOR = ("first_reading", "alpha_deg", "q_deg_s", "alpha_std_deg", "q_std_deg_s")
+# What a kind of failure needs besides its time, and what it has no use for. Kinds of installed packages may use any key.
+_FAILURE_NEEDS = MappingProxyType(
+    {"effectiveness": ("to",), "ramp": ("to",), "structural": ("to", "force_to"), "cg-shift": ("shift_cbar",)}
+)
+_FAILURE_IDLE = MappingProxyType(
+    {
+        "effectiveness": ("force_to", "over_s", "shift_cbar"),
+        "ramp": ("force_to", "shift_cbar"),
+        "structural": ("over_s", "shift_cbar"),
+        "cg-shift": ("surface", "to", "force_to", "over_s"),
+    }
+)
 _KALMAN_ONLY = (
-    "input", "input_at", "memory", "window", "alarm_threshold", "follow_disturbances", "hold_std", "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
+    "input", "input_at", "memory", "window", "alarm_threshold", "follow_disturbances", "hold_std",
+    "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
 )  # fmt: skip
 
 
@@ -37,11 +51,19 @@ def contradictions(scenario: Scenario) -> list[str]:
     problems = []
     if abs(scenario.duration_s * hz - ticks) > 1e-6 or ticks < 1:
         problems.append(f"duration_s: must be a whole number of ticks of 1/{hz} s (got {scenario.duration_s:g})")
+    times = {f"failures.{i}.at_s": failure.at_s for i, failure in enumerate(scenario.failures)}
+    times |= {f"gusts.{i}.at_s": gust.at_s for i, gust in enumerate(scenario.gusts)}
+    problems += [
+        f"{key}: must be no later than the last tick, {(ticks - 1) / hz:g} s (got {at_s:g})"
+        for key, at_s in times.items()
+        if at_s * hz > ticks - 1 + 1e-6
+    ]
     for i, failure in enumerate(scenario.failures):
-        if failure.at_s * hz > ticks - 1 + 1e-6:
-            problems.append(
-                f"failures.{i}.at_s: must be no later than the last tick, {(ticks - 1) / hz:g} s (got {failure.at_s:g})"
-            )
+        problems += [
+            f"failures.{i}.{key}: is missing; a failure of kind '{failure.kind}' needs it"
+            for key in _FAILURE_NEEDS.get(failure.kind, ())
+            if key not in failure.model_fields_set
+        ]
     problems += _command_contradictions(scenario.command, hz)
     names = [estimator.name for estimator in scenario.estimators]
     for i, estimator in enumerate(scenario.estimators):
@@ -110,8 +132,8 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
     elif adaptation.oracle:
         keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
     for i, failure in enumerate(scenario.failures):
-        if failure.kind != "ramp":
-            keys[f"failures.{i}.over_s"] = f"failures.{i}.kind = '{failure.kind}'"
+        useless = _FAILURE_IDLE.get(failure.kind, ())
+        keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
     for i, estimator in enumerate(scenario.estimators):
         place = f"estimators.{i}"
         if estimator.kind == "differentiated-rls":

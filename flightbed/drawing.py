@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 # From the palette of Okabe and Ito (2008), readable by the colour-blind and in print; the same thing has the same colour everywhere.
 REFERENCE, ACTUAL, COMMAND, TRUTH, FAILURE, OTHER = "#009e73", "#0072b2", "#e69f00", "#cc79a7", "#d55e00", "#777777"
 
-_RC = {
+_RC: Any = {  # typed by matplotlib with a literal of all its names
     "svg.hashsalt": "flightbed", "svg.fonttype": "none", "font.family": "sans-serif", "font.size": 9.0, "axes.grid": True,
     "grid.color": "#e3e6ec", "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "lines.linewidth": 1.1,
     "path.simplify": True, "path.simplify_threshold": 0.5, "figure.constrained_layout.use": True,

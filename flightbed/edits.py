@@ -65,14 +65,21 @@ def _rewire_channel(root: ET.Element, edit: Mapping[str, Any], _snippets: Mappin
 
 
 def _rewire(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
-    rewired = []
-    for function in _section(root, "aerodynamics").iter("function"):
-        for element in function.iter():
-            if (element.text or "").strip() == edit["from"]:
-                element.text = edit["to"]
-                rewired.append(function.get("name"))
-    if sorted(rewired, key=str) != sorted(edit["functions"]):
-        raise EditError(f"expected {edit['from']} in {edit['functions']}, found it in {rewired}")
+    """Let aerodynamic functions read another property; every reader of ``from`` must be named, each under its new property."""
+    if not isinstance(edit["to"], Mapping):
+        raise EditError('to must say which functions read what: to."fcs/new" = ["aero/coefficient/NAME"]')
+    targets = [(function, to) for to, functions in edit["to"].items() for function in functions]
+    readers = [
+        (str(function.get("name")), element)
+        for function in _section(root, "aerodynamics").iter("function")
+        for element in function.iter()
+        if (element.text or "").strip() == edit["from"]
+    ]
+    found, expected = sorted(name for name, _ in readers), sorted(name for name, _ in targets)
+    if found != expected:
+        raise EditError(f"expected {edit['from']} in {expected}, found it in {found}")
+    for name, element in readers:
+        element.text = dict(targets)[name]
 
 
 def _remove_functions(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:

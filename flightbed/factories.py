@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil, inf
 
-from flightbed import scenario as s
+from flightbed import registry
+from flightbed import settings as s
 from flightbed.command.base import Command
 from flightbed.command.chirp import chirp as _chirp
 from flightbed.command.constant import constant as _constant
@@ -20,9 +22,12 @@ from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
-from flightbed.failures.effector import Effectiveness, ramped, weakened
+from flightbed.failures.airframe import cg_moved
+from flightbed.failures.base import Failing, healthy
+from flightbed.failures.effector import damaged, ramped, weakened
+from flightbed.gusts import Gusts, calm, one_minus_cosine
 from flightbed.short_period import ShortPeriod
-from flightbed.units import DEG
+from flightbed.units import DEG, FT
 
 
 def doublet(settings: s.Command) -> Command:
@@ -129,12 +134,22 @@ def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: 
     )
 
 
-def effectiveness(settings: s.Failure, before: Effectiveness, control_hz: int) -> Effectiveness:
+def effectiveness(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
     """Keep the share `to` of the deflection's effect from the first tick at or after at_s."""
     return weakened(before, to=settings.to, at_tick=failure_tick(settings, control_hz))
 
 
-def ramp(settings: s.Failure, before: Effectiveness, control_hz: int) -> Effectiveness:
+def structural(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+    """Keep the share `to` of the elevator's pitching moment and `force_to` of its lift and drag from at_s on."""
+    return damaged(before, to=settings.to, force_to=settings.force_to, at_tick=failure_tick(settings, control_hz))
+
+
+def cg_shift(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+    """Move the c.g. shift_cbar mean chords aft of where it was at take-off, from at_s on."""
+    return cg_moved(before, shift_cbar=settings.shift_cbar, at_tick=failure_tick(settings, control_hz))
+
+
+def ramp(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
     """Lose effectiveness steadily from what it is at at_s to the share `to`, over over_s seconds."""
     at_tick = failure_tick(settings, control_hz)
     return ramped(before, to=settings.to, at_tick=at_tick, ticks=max(1, round(settings.over_s * control_hz)))
@@ -143,6 +158,22 @@ def ramp(settings: s.Failure, before: Effectiveness, control_hz: int) -> Effecti
 def failure_tick(settings: s.Failure, control_hz: int) -> int:
     """Return the first tick at or after the failure's time; round-off in at_s * control_hz does not delay it."""
     return ceil(settings.at_s * control_hz - 1e-6)
+
+
+def failing(scenario: s.Scenario) -> Failing:
+    """Return what all failures of a scenario make of the aircraft, in order of time; of two at once the later in the file acts."""
+    health: Failing = healthy
+    for failure in sorted(scenario.failures, key=lambda f: f.at_s):
+        health = registry.factory("failures", failure.kind)(failure, health, scenario.rates.control_hz)
+    return health
+
+
+def gusts(settings: Sequence[s.GustSettings]) -> Gusts:
+    """Return the sum of all gusts."""
+    air: Gusts = calm
+    for gust in settings:
+        air = one_minus_cosine(air, at_s=gust.at_s, up_m_s=gust.up_fps * FT, rise_s=gust.rise_s, hold_s=gust.hold_s)
+    return air
 
 
 def loop_gain(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:

@@ -11,7 +11,7 @@ from flightbed.command.base import Profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
 from flightbed.estimation.base import Estimator
-from flightbed.failures.effector import Effectiveness
+from flightbed.failures.base import Failing
 from flightbed.plant.base import Plant
 from flightbed.sensors import Sensors
 from flightbed.signals import Sample
@@ -27,7 +27,7 @@ class Flight:
     plant: Plant
     sensors: Sensors
     profile: Profile
-    effectiveness: Effectiveness
+    health: Failing
     law: Law
     adaptation: Adaptation
     estimators: Sequence[Estimator]
@@ -49,18 +49,18 @@ def fly(flight: Flight) -> Iterator[Sample]:
     sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
     updates = [estimator.update for estimator in flight.estimators]
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
-    hold, floor, following, believed = False, flight.floor_m, flight.effectiveness(0), 1.0
+    hold, floor, following, believed = False, flight.floor_m, flight.health(0), 1.0
     state_from = flight.state_from
     delay, on_the_way = flight.delay_ticks, deque([plant.sense().elevator_rad] * flight.delay_ticks)
     for tick, (q_cmd, q_ref) in enumerate(commands):
-        effectiveness, following = following, flight.effectiveness(tick + 1)
-        truth = sense(effectiveness)
+        health, following = following, flight.health(tick + 1)
+        truth = sense(health)
         measurement = read(tick, truth)
 
         estimates = tuple([update(measurement) for update in updates])
 
         if adaptation.oracle:  # told by the scenario; no estimator is
-            believed = adaptation.believed(effectiveness)
+            believed = adaptation.believed(health.effectiveness)
         elif estimates:
             estimate = estimates[adaptation.estimator]
             believed = adaptation.believed(estimate.effectiveness_smoothed, estimate.effectiveness_std)
@@ -82,4 +82,4 @@ def fly(flight: Flight) -> Iterator[Sample]:
         if delay:
             on_the_way.append(command)
             command = on_the_way.popleft()
-        advance(command, effectiveness, following)
+        advance(command, health, following)

@@ -15,6 +15,7 @@ from flightbed.trace import Trace
 from flightbed.units import DEG
 
 Vector = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 SETTLING_S = 0.3  # "post" starts this long after the failure: one window of the thesis
 _BAND = 0.2  # of the true K: the thesis's settling band
@@ -22,7 +23,9 @@ _BAND = 0.2  # of the true K: the thesis's settling band
 
 @dataclass(frozen=True)
 class EstimatorMetrics:
-    """How one estimator did. Times count from the first failure; None where there is none, or it never happens.
+    """How one estimator did; None where there is no failure, or it never happens.
+
+    "The failure" is here the one that an estimator of K is about: the first change of K, Metrics.estimators_since_s.
 
     Attributes:
         final: last K-hat.
@@ -60,7 +63,9 @@ class Metrics:
     Attributes:
         departed: |alpha - alpha_trim| > 25 deg, or a state that is not finite.
         departed_at_s: flight time of that; None if it did not.
-        tracking_rms_pre_deg_s, tracking_rms_post_deg_s: RMS of q - q_ref before the failure, and from 0.3 s after it.
+        tracking_rms_pre_deg_s, tracking_rms_post_deg_s: RMS of q - q_ref before the first failure of any kind, and from 0.3 s after it.
+        estimators_since_s: from where the estimators' times count: the first tick at which the true K is not 1, or, in a flight whose K
+            stays, the first failure; None without a failure.
 
     """
 
@@ -68,6 +73,7 @@ class Metrics:
     departed_at_s: float | None
     tracking_rms_pre_deg_s: float | None
     tracking_rms_post_deg_s: float | None
+    estimators_since_s: float | None
     estimators: dict[str, EstimatorMetrics]
 
     def to_dict(self) -> dict[str, Any]:
@@ -81,27 +87,34 @@ def measure(trace: Trace, *, alpha_trim_deg: float, failed_at_s: float | None) -
     Args:
         trace: the flight.
         alpha_trim_deg: where departure counts from.
-        failed_at_s: time of the first failure; None for a flight without, all of which is then "pre".
+        failed_at_s: time of the first failure of any kind; None for a flight without, all of which is then "pre".
 
     """
-    t = trace["t_s"]
-    start = np.inf if failed_at_s is None else failed_at_s - 1e-9
-    pre, failed, post = t < start, t >= start, t >= start + SETTLING_S
+    changed = trace["t_s"][trace["effectiveness_true"] != 1.0]
+    since = float(changed[0]) if changed.size else failed_at_s
+    pre, _, post = _phases(trace, failed_at_s)
+    phases = _phases(trace, since)
     last_alpha, last_q = float(trace["alpha_deg"][-1]), float(trace["q_deg_s"][-1])
     departed = not (abs(last_alpha - alpha_trim_deg) <= DEPARTURE_RAD / DEG and isfinite(last_q))
     error = trace["q_deg_s"] - trace["q_ref_deg_s"]
     return Metrics(
         departed=departed,
-        departed_at_s=float(t[-1]) if departed else None,
+        departed_at_s=float(trace["t_s"][-1]) if departed else None,
         tracking_rms_pre_deg_s=_rms(error[pre]),
         tracking_rms_post_deg_s=_rms(error[post]),
-        estimators={name: _estimator(trace, name, pre, failed, post) for name in trace.estimators},
+        estimators_since_s=since,
+        estimators={name: _estimator(trace, name, *phases) for name in trace.estimators},
     )
 
 
-def _estimator(
-    trace: Trace, name: str, pre: npt.NDArray[np.bool_], failed: npt.NDArray[np.bool_], post: npt.NDArray[np.bool_]
-) -> EstimatorMetrics:
+def _phases(trace: Trace, failed_at_s: float | None) -> tuple[Mask, Mask, Mask]:
+    """Return which ticks are before a failure, after it, and after it has settled."""
+    t = trace["t_s"]
+    start = np.inf if failed_at_s is None else failed_at_s - 1e-9
+    return t < start, t >= start, t >= start + SETTLING_S
+
+
+def _estimator(trace: Trace, name: str, pre: Mask, failed: Mask, post: Mask) -> EstimatorMetrics:
     truth, estimate = trace["effectiveness_true"], trace[f"{name}.effectiveness"]
     smoothed, nis, t = trace[f"{name}.effectiveness_smoothed"], trace[f"{name}.nis"], trace["t_s"]
 

@@ -19,7 +19,6 @@ from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.design import peak_deflection
 from flightbed.estimation.base import OnBoard
-from flightbed.failures.effector import healthy
 from flightbed.folder import check_target, write_run
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.loop import Flight
@@ -29,9 +28,9 @@ from flightbed.plan import Plan, law_of, plan
 from flightbed.plant.base import Plant
 from flightbed.plant.jsbsim import JsbsimPlant, Start
 from flightbed.plant.linear import LinearPlant
-from flightbed.scenario import ModelError, Scenario
 from flightbed.sensors import SensorErrors, SensorNoise, Sensors
-from flightbed.signals import Sample
+from flightbed.settings import ModelError, Scenario
+from flightbed.signals import Health, Sample
 from flightbed.trace import Trace, collect
 from flightbed.units import DEG, FT, LB
 
@@ -66,13 +65,11 @@ def assemble(plan: Plan) -> Flight:
     sensors, noise = scenario.sensors, _noise(scenario)
     errors = SensorErrors(sensors.alpha_bias_deg * DEG, sensors.q_bias_deg_s * DEG, sensors.mach_error)
     onboard = _mistaken(OnBoard(design, noise, control_hz, plan.schedule), scenario.model_error)
-    effectiveness = healthy
-    for failure in sorted(scenario.failures, key=lambda f: f.at_s):  # of two at once the later in the file acts
-        effectiveness = registry.factory("failures", failure.kind)(failure, effectiveness, control_hz)
+    health = factories.failing(scenario)
     names = [estimator.name for estimator in scenario.estimators]
     adaptation = scenario.adaptation
     return Flight(
-        plant=_plant(plan, effectiveness(0), air_seed, process_seed),
+        plant=_plant(plan, health(0), air_seed, process_seed),
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
         profile=profile(
             registry.factory("commands", scenario.command.kind)(scenario.command),
@@ -80,7 +77,7 @@ def assemble(plan: Plan) -> Flight:
             control_hz=control_hz,
             filter_rad_s=scenario.command.filter_rad_s,
         ),
-        effectiveness=effectiveness,
+        health=health,
         law=law_of(scenario, design),
         adaptation=Adaptation(
             enabled=adaptation.enabled,
@@ -104,9 +101,7 @@ def assemble(plan: Plan) -> Flight:
     )
 
 
-def _plant(
-    plan: Plan, effectiveness: float, air_seed: np.random.SeedSequence, process_seed: np.random.SeedSequence
-) -> Plant:
+def _plant(plan: Plan, health: Health, air_seed: np.random.SeedSequence, process_seed: np.random.SeedSequence) -> Plant:
     scenario, aircraft, point = plan.scenario, plan.aircraft, plan.trim
     if isinstance(aircraft, LinearAircraft):
         noise = scenario.process_noise
@@ -116,6 +111,7 @@ def _plant(
             airspeed_m_s=aircraft.airspeed_m_s,
             mach=aircraft.mach,
             altitude_m=aircraft.altitude_ft * FT,
+            gusts=factories.gusts(scenario.gusts),
             process_noise=(noise.alpha_std_deg_s * DEG, noise.q_std_deg_s2 * DEG),
             seed=process_seed,
         )
@@ -136,7 +132,8 @@ def _plant(
         fuel_kg=scenario.model_error.fuel_lbs * LB,
         turbulence=scenario.atmosphere.turbulence,
         seed=int(air_seed.generate_state(1)[0] >> 1),
-        effectiveness=effectiveness,
+        health=health,
+        gusts=factories.gusts(scenario.gusts),
     )
 
 

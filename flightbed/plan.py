@@ -102,6 +102,7 @@ def _beyond_linear(scenario: Scenario, aircraft: LinearAircraft) -> list[str]:
         ("atmosphere.turbulence", scenario.atmosphere.turbulence, "none"),
         ("model_error.cg_shift_cbar", scenario.model_error.cg_shift_cbar, 0.0),
         ("model_error.fuel_lbs", scenario.model_error.fuel_lbs, 0.0),
+        *((f"failures.{i}.shift_cbar", f.shift_cbar, 0.0) for i, f in enumerate(scenario.failures)),
         *((f"estimators.{i}.model", e.model, "short-period") for i, e in enumerate(scenario.estimators)),
     ]
     return [

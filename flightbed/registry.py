@@ -28,7 +28,12 @@ _BUILT_IN = MappingProxyType(
             "none": "none",
         },
         "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral"},
-        "failures": {"effectiveness": "effectiveness", "ramp": "ramp"},
+        "failures": {
+            "effectiveness": "effectiveness",
+            "ramp": "ramp",
+            "structural": "structural",
+            "cg-shift": "cg_shift",
+        },
         "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls"},
     }
 )

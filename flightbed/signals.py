@@ -12,12 +12,31 @@ from math import nan
 from typing import NamedTuple
 
 
+class Health(NamedTuple):
+    """What is left of the aircraft at a tick: the value that failures change. The default is the aircraft as built.
+
+    Attributes:
+        effectiveness: K, share of the elevator's pitching moment that still acts; scales M_delta.
+        elevator_force: share of the elevator's lift and drag that still acts; scales Z_delta.
+        cg_shift_cbar: how far the c.g. lies aft of where it was at take-off, mean chords.
+
+    """
+
+    effectiveness: float = 1.0
+    elevator_force: float = 1.0
+    cg_shift_cbar: float = 0.0
+
+
+HEALTHY = Health()
+
+
 class Truth(NamedTuple):
     """What the plant knows. Goes to sensors and trace, never to a law or an estimator.
 
     Attributes:
         elevator_mean_rad: mean deflection that moved the aircraft over the control period that ends at this tick.
-        effectiveness: share of the elevator's deflection that still acts, from this tick on.
+        effectiveness, elevator_force, cg_shift_cbar: the Health from this tick on.
+        gust_up_m_s: vertical speed of the air in the scenario's gusts, up positive; alpha and airspeed include it.
 
     """
 
@@ -35,6 +54,9 @@ class Truth(NamedTuple):
     elevator_rad: float
     elevator_mean_rad: float
     effectiveness: float
+    elevator_force: float = 1.0
+    cg_shift_cbar: float = 0.0
+    gust_up_m_s: float = 0.0
 
 
 class Measurement(NamedTuple):

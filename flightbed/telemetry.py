@@ -95,7 +95,7 @@ def write_recording(
         _lines(recording, trace, failed_at_s)
         _effectiveness(recording, trace, failed_at_s)
         _aircraft(recording, trace)
-        _events(recording, events, failed_at_s)
+        _events(recording, trace, events)
         recording.flush()
     recording.disconnect()
 
@@ -191,7 +191,7 @@ def _aircraft(recording: rr.RecordingStream, trace: Trace) -> None:
         )
 
 
-def _events(recording: rr.RecordingStream, events: Sequence[Event], failed_at_s: float | None) -> None:
+def _events(recording: rr.RecordingStream, trace: Trace, events: Sequence[Event]) -> None:
     recording.log(
         "mode/elevator",
         rr.StateConfiguration(values=["healthy", "failed"], colors=[0x009E73FF, 0xD55E00FF]),
@@ -199,8 +199,9 @@ def _events(recording: rr.RecordingStream, events: Sequence[Event], failed_at_s:
     )
     recording.set_time(TIMELINE, duration=0.0)
     recording.log("mode/elevator", rr.StateChange(state="healthy"))
-    if failed_at_s is not None:
-        recording.set_time(TIMELINE, duration=failed_at_s)
+    hurt = np.flatnonzero((trace["effectiveness_true"] != 1.0) | (trace["elevator_force_true"] != 1.0))
+    if hurt.size:
+        recording.set_time(TIMELINE, duration=float(trace["t_s"][hurt[0]]))
         recording.log("mode/elevator", rr.StateChange(state="failed"))
     for event in events:
         recording.set_time(TIMELINE, duration=event.t_s)

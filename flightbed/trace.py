@@ -40,6 +40,9 @@ _TRUTH = {
     "east_m": ("east_m", 1.0),
     "nz_g": ("nz_g", 1.0),
     "effectiveness_true": ("effectiveness", 1.0),
+    "elevator_force_true": ("elevator_force", 1.0),
+    "cg_shift_cbar": ("cg_shift_cbar", 1.0),
+    "gust_up_fps": ("gust_up_m_s", 1 / FT),
 }
 _MEASURED = {
     "q_meas_deg_s": ("q_rad_s", 1 / DEG),

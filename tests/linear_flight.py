@@ -11,7 +11,8 @@ from flightbed.control.design import design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
-from flightbed.failures.effector import healthy, weakened
+from flightbed.failures.base import healthy
+from flightbed.failures.effector import weakened
 from flightbed.loop import Flight, fly
 from flightbed.plant.linear import LinearPlant
 from flightbed.sensors import SensorNoise, Sensors
@@ -41,7 +42,7 @@ def fly_linear(
         profile=profile(
             doublet(amplitude_rad_s=5 * DEG, period_s=4.5, count=3), ticks=ticks, control_hz=100, filter_rad_s=3.0
         ),
-        effectiveness=weakened(healthy, to=effectiveness, at_tick=at_tick),
+        health=weakened(healthy, to=effectiveness, at_tick=at_tick),
         law=Proportional(
             design_proportional(design),
             alpha_trim_rad=design.alpha_trim_rad,

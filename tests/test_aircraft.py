@@ -73,16 +73,47 @@ def test_full_effectiveness_equals_the_stock_aircraft(f16: Aircraft, point: tupl
         assert ours[name] == pytest.approx(stock[name], rel=1e-12, abs=1e-6), name
 
 
-def test_effectiveness_scales_the_deflection_in_all_three_tables(f16: Aircraft) -> None:
-    """K = 0.4 at 10 deg is K = 1 at 4 deg: drag, lift and pitching moment."""
-    weak, healthy = Fdm(f16, 0.005).exec, Fdm(f16, 0.005).exec
-    weak["fcs/elevator-effectiveness"] = 0.4
-    weak["fcs/elevator-cmd-rad"], healthy["fcs/elevator-cmd-rad"] = 10 * DEG, 4 * DEG
-    for fdm in (weak, healthy):
-        _settle(fdm, POINTS[1])
+def _tables(aircraft: Aircraft, elevator_deg: float, *, moment: float, force: float) -> dict[str, float]:
+    """Return drag, lift and pitching moment by the tail's tables, and all loads, with these shares left."""
+    fdm = Fdm(aircraft, 0.005).exec
+    fdm[aircraft.properties["effectiveness"]], fdm[aircraft.properties["elevator_force"]] = moment, force
+    fdm["fcs/elevator-cmd-rad"] = elevator_deg * DEG
+    _settle(fdm, POINTS[1])
+    assert fdm["fcs/elevator-pos-rad"] == pytest.approx(elevator_deg * DEG)
+    return {name: fdm[name] for name in (*_FUNCTION.values(), *LOADS)}
+
+
+_FUNCTION = {name: f"aero/coefficient/{name}" for name in ("CDDh", "CLDh", "CmDh")}
+
+
+def test_the_shares_scale_the_deflection_each_in_its_tables(f16: Aircraft) -> None:
+    """A share of 0.4 at 10 deg is all of 4 deg: in the moment's table, in those of drag and lift, and in every load with both."""
+    ten, four = (_tables(f16, deg, moment=1.0, force=1.0) for deg in (10.0, 4.0))
+    assert all(abs(ten[path] / four[path] - 1.0) > 0.01 for path in _FUNCTION.values())
+    moment, force = _tables(f16, 10.0, moment=0.4, force=1.0), _tables(f16, 10.0, moment=1.0, force=0.4)
+    for name, path in _FUNCTION.items():
+        assert moment[path] == pytest.approx((four if name == "CmDh" else ten)[path], rel=1e-12), name
+        assert force[path] == pytest.approx((ten if name == "CmDh" else four)[path], rel=1e-12), name
+    both = _tables(f16, 10.0, moment=0.4, force=0.4)
     for name in LOADS:
-        assert weak[name] == pytest.approx(healthy[name], rel=1e-12, abs=1e-9), name
-    assert weak["fcs/elevator-pos-rad"] == pytest.approx(10 * DEG)
+        assert both[name] == pytest.approx(four[name], rel=1e-12, abs=1e-9), name
+
+
+def test_trim_and_linearization_scale_moment_and_force_alike(f16: Aircraft) -> None:
+    """K = 0.5 at twice the deflection is the healthy aircraft, in every derivative; b is half of it."""
+    from flightbed.linearize import linearize
+    from flightbed.plant.airframe import JsbsimAirframe
+    from flightbed.trim import trim
+
+    full, half = (JsbsimAirframe(f16, mach=0.6, altitude_m=6096.0, effectiveness=K) for K in (1.0, 0.5))
+    points = trim(full), trim(half)
+    assert points[1].alpha_rad == pytest.approx(points[0].alpha_rad, abs=1e-10)
+    assert points[1].elevator_rad == pytest.approx(2.0 * points[0].elevator_rad, rel=1e-8)
+    (_, b), (_, weak) = (
+        linearize(a, p).part(("airspeed", "alpha", "q"), ("elevator",))
+        for a, p in zip((full, half), points, strict=True)
+    )
+    assert weak == pytest.approx(0.5 * b, rel=1e-4)
 
 
 def test_the_aircraft_has_no_pitch_feedback_of_its_own(f16: Aircraft) -> None:
@@ -141,7 +172,8 @@ def test_a_stock_model_with_another_hash_is_refused(f16: Aircraft) -> None:
     ("edit", "message"),
     [
         ({"do": "replace-channel", "channel": "Pich", "with": "pitch.xml"}, "expected one channel Pich, found 0"),
-        ({"do": "rewire", "from": "fcs/elevator-pos-rad", "to": "x", "functions": ["a"]}, "found it in"),
+        ({"do": "rewire", "from": "fcs/elevator-pos-rad", "to": {"x": ["aero/coefficient/CmDh"]}}, "found it in"),
+        ({"do": "rewire", "from": "fcs/elevator-pos-rad", "to": "x"}, "to must say which functions read what"),
         ({"do": "remove-functions", "functions": ["aero/nope"]}, "no function aero/nope"),
         ({"do": "remove-systems", "systems": ["nope"]}, "no system nope"),
         ({"do": "frobnicate"}, "frobnicate"),

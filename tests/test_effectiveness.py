@@ -83,6 +83,30 @@ def test_shipped_losses_are_flown_to_their_end(name: str) -> None:
     assert np.sqrt(np.mean((found - truth)[settled] ** 2)) < 0.05
 
 
+@pytest.mark.parametrize(
+    ("name", "error", "tracking"), [("structural-damage", 0.004, 2.1), ("elevator-and-cg", 0.052, 3.6)]
+)
+def test_damage_that_the_model_does_not_know_of_is_survived_and_the_fixed_law_departs(
+    name: str, error: float, tracking: float
+) -> None:
+    """Two seeds of docs/effectiveness.md's twenty, with their 95th percentiles and a tenth."""
+    for seed in range(2):
+        metrics = run(load_scenario(name, [f"seed={seed}"])).metrics
+        assert not metrics.departed
+        assert metrics.estimators["scheduled"].median_abs_error_post <= error
+        assert metrics.tracking_rms_post_deg_s <= tracking
+    assert run(load_scenario(name, ["adaptation.enabled=false"])).metrics.departed
+
+
+def test_a_shifted_cg_is_taken_for_effectiveness_and_sigma_does_not_know(study: Any) -> None:
+    """The study's row: the estimate is wrong by many sigma while nothing but K is modelled."""
+    rows = dict(study.DAMAGE)
+    found = study.fly(rows["K 0.2, c.g. +3%"])["estimators"]["scheduled"]
+    plain = study.fly(rows["moment 0.2, force 0.2"])["estimators"]["scheduled"]
+    assert found["median_abs_error_post"] > 10.0 * plain["median_abs_error_post"]
+    assert found["nees_mean_post"] > 20.0 > 2.0 > plain["nees_mean_post"]
+
+
 def test_what_the_scenarios_are_for() -> None:
     assert run(
         load_scenario("marginal-authority", ["adaptation.limit_command=false", "failures.0.to=0.08"])
@@ -115,6 +139,7 @@ def test_gusts_have_the_same_sense_in_every_flight() -> None:
     """The air ahead of the nose comes first: a gust that lowers alpha turns the air past the aircraft nose down."""
     from flightbed.mission import assemble, plan
     from flightbed.plant.jsbsim import JsbsimPlant
+    from flightbed.signals import HEALTHY
 
     for seed in range(3):
         plant = assemble(plan(load_scenario("nominal", ["atmosphere.turbulence=moderate", f"seed={seed}"]))).plant
@@ -123,7 +148,7 @@ def test_gusts_have_the_same_sense_in_every_flight() -> None:
         gust, turn = fdm.getter("atmosphere/total-wind-down-fps"), fdm.getter("atmosphere/q-turb-rad_sec")
         w, q = [], []
         for _ in range(300):
-            plant.advance(-0.017, 1.0, 1.0)
+            plant.advance(-0.017, HEALTHY, HEALTHY)
             w.append(gust())
             q.append(turn())
         assert np.corrcoef(np.diff(w), q[1:])[0, 1] < -0.3

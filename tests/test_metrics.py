@@ -47,6 +47,29 @@ def test_estimates_count_from_the_failure() -> None:
     assert found.detected_at_s is None
 
 
+def test_tracking_counts_from_the_first_failure_and_estimates_from_that_of_the_elevator() -> None:
+    """The c.g. moves at 2 s, K falls at 4 s: what an estimator of K says in between is said of a healthy elevator."""
+    q = np.where(T < 2, 1.0, np.where(T < 2.3 - 1e-9, 99.0, 3.0))
+    estimate = np.where(T < 4, 0.9, 0.5)
+    alarms = np.where(T < 3, 0.0, np.where(T < 4.2 - 1e-9, 1.0, 2.0))
+    trace = _trace(q_deg_s=q, **{"a.effectiveness": estimate, "a.alarms": alarms})
+    metrics = measure(trace, alpha_trim_deg=2.0, failed_at_s=2.0)
+    assert metrics.estimators_since_s == 4.0
+    assert (metrics.tracking_rms_pre_deg_s, metrics.tracking_rms_post_deg_s) == pytest.approx((1.0, 3.0))
+    found = metrics.estimators["a"]
+    assert (found.false_alarms, found.detected_at_s) == (1, pytest.approx(0.2))
+    assert found.median_abs_error_post == 0.0
+    assert found.first_within_20pct_s == 0.0
+
+
+def test_without_a_failure_of_the_elevator_estimates_count_from_the_first() -> None:
+    still = _trace(effectiveness_true=np.ones(1000), **{"a.effectiveness": np.where(T < 2, 1.0, 0.7)})
+    metrics = measure(still, alpha_trim_deg=2.0, failed_at_s=2.0)
+    assert metrics.estimators_since_s == 2.0
+    assert metrics.estimators["a"].median_abs_error_post == pytest.approx(0.3)
+    assert measure(still, alpha_trim_deg=2.0, failed_at_s=None).estimators_since_s is None
+
+
 def test_never_within_the_band_is_null_and_no_failure_is_all_before() -> None:
     found = measure(_trace(), alpha_trim_deg=2.0, failed_at_s=4.0).estimators["a"]
     assert found.first_within_20pct_s is None

@@ -35,6 +35,9 @@ CONTRACT_COLUMNS = [
     "altitude_ft",
     "nz_g",
     "effectiveness_true",
+    "elevator_force_true",
+    "cg_shift_cbar",
+    "gust_up_fps",
 ]
 
 
@@ -139,6 +142,70 @@ def test_failures_act_in_order_of_time_whatever_their_order_in_the_file() -> Non
     assert [truth[99], truth[100], truth[199], truth[200], truth[-1]] == [1.0, 0.9, 0.9, 0.8, 0.8]
 
 
+CG = ["failures.1.kind=cg-shift", "failures.1.at_s=2", "failures.1.shift_cbar=0.03"]
+
+
+def test_elevator_and_airframe_fail_side_by_side() -> None:
+    """Neither replaces the other; tracking counts from the first, K from the elevator's own."""
+    result = run(load_scenario("elevator-loss", [*CG, "failures.0.kind=structural", "failures.0.force_to=0.7"]))
+    t = result.trace
+    columns = [t[name] for name in ("effectiveness_true", "elevator_force_true", "cg_shift_cbar")]
+    assert [tuple(c[k] for c in columns) for k in (199, 200, 449, 450, len(t) - 1)] == [
+        (1.0, 1.0, 0.0), (1.0, 1.0, 0.03), (1.0, 1.0, 0.03), (0.2, 0.7, 0.03), (0.2, 0.7, 0.03),
+    ]  # fmt: skip
+    assert (result.summary["failed_at_s"], result.summary["estimators_since_s"]) == (2.0, 4.5)
+
+
+def test_a_cg_shift_acts_at_its_tick_and_not_before() -> None:
+    calm = ["adaptation.enabled=false", "duration_s=3"]
+    moved, healthy = (
+        run(load_scenario("elevator-loss-fixed", [*calm, "failures.0.at_s=2.9", *o])).trace for o in (CG, [])
+    )
+    assert np.array_equal(moved["q_deg_s"][:201], healthy["q_deg_s"][:201])
+    assert moved["q_deg_s"][201] != healthy["q_deg_s"][201]
+
+
+def test_what_a_force_alone_does() -> None:
+    """The moment stays: K is 1 and the estimator has nothing to find, but the flight is another."""
+    kind = ["failures.0.kind=structural", "failures.0.at_s=2", "failures.0.to=1", "failures.0.force_to=0"]
+    hurt, healthy = (run(load_scenario("nominal", [*o, "duration_s=5"])) for o in (kind, []))
+    assert np.array_equal(hurt.trace["q_deg_s"][:201], healthy.trace["q_deg_s"][:201])
+    assert hurt.trace["alpha_deg"][201] != healthy.trace["alpha_deg"][201]
+    assert hurt.metrics.estimators_since_s == 2.0
+
+
+def test_gusts_are_flown_told_and_no_part_of_the_trim() -> None:
+    gust = ["gusts.0.at_s=1", "gusts.0.up_fps=20", "gusts.0.rise_s=0.5", "gusts.0.hold_s=0.2"]
+    more = ["gusts.1.at_s=3", "gusts.1.up_fps=-5", "gusts.1.rise_s=0.25"]
+    still, blown = (
+        run(load_scenario("nominal", ["command.kind=none", "duration_s=5", *o])) for o in ([], [*gust, *more])
+    )
+    assert blown.plan.trim == still.plan.trim
+    air = blown.trace["gust_up_fps"]
+    assert air[[0, 100, 125, 150, 170, 195, 220, 325, 350, -1]] == pytest.approx(
+        [0, 0, 10, 20, 20, 10, 0, -5, 0, 0], abs=1e-9
+    )
+    assert np.array_equal(blown.trace["alpha_deg"][:101], still.trace["alpha_deg"][:101])
+    # Upward air lifts the nose into it: w / V, less what the aircraft has yielded in half a second.
+    rise = (blown.trace["alpha_deg"] - still.trace["alpha_deg"])[150] * DEG
+    assert 0.6 < rise * still.trace["airspeed_m_s"][150] / (20 * 0.3048) < 1.0
+    assert np.abs(blown.trace["nz_g"] - still.trace["nz_g"]).max() > 0.2
+
+
+def test_gusts_leave_the_turbulence_as_it_is() -> None:
+    """The same seed, the same turbulence: what a gust adds in rough air is what it adds in calm air, to a few per cent."""
+    gust = ["gusts.0.at_s=0.5", "gusts.0.up_fps=5", "gusts.0.rise_s=0.2", "command.kind=none", "duration_s=1.5"]
+    gust += ["adaptation.enabled=false", "estimators=[]", "sensors.q_std_deg_s=1e-9", "sensors.alpha_std_deg=1e-9"]
+    added = []
+    for air in ("none", "light"):
+        blown, still = (
+            run(load_scenario("nominal", [*o, f"atmosphere.turbulence={air}"])).trace["alpha_deg"]
+            for o in (gust, gust[3:])
+        )
+        added.append(blown - still)
+    assert np.abs(added[1] - added[0]).max() < 0.05 * np.abs(added[0]).max()
+
+
 @pytest.mark.parametrize("law", ["proportional", "proportional-integral"])
 @pytest.mark.parametrize("feedback", ["effective", "position"])
 def test_the_command_is_what_law_and_correction_say(law: str, feedback: str) -> None:
@@ -218,6 +285,8 @@ def test_units_are_in_the_column_metadata(flown: Result) -> None:
     assert units["q_deg_s"] == "deg/s"
     assert units["altitude_ft"] == "ft"
     assert units["t_s"] == "s"
+    assert units["gust_up_fps"] == "ft/s"
+    assert units["cg_shift_cbar"] == "mean aerodynamic chord"
     assert units["scheduled.effectiveness"] == "1"
 
 

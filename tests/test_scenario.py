@@ -75,6 +75,16 @@ def test_an_override_can_add_to_a_list() -> None:
         ("estimators.0.model=schedule", "--set estimators.0.model: must be 'scheduled' or 'short-period' (got 'schedule')"),
         ("estimators.0.input=deviation", f"{FILE}: estimators.0.input: must be 'absolute' with model = 'scheduled', which knows no trim (got 'deviation')"),
         ("failures.0.over_s=3", "--set failures.0.over_s: has no effect with failures.0.kind = 'effectiveness'"),
+        ("failures.0.shift_cbar=0.1", "--set failures.0.shift_cbar: has no effect with failures.0.kind = 'effectiveness'"),
+        ("failures.0.force_to=0.1", "--set failures.0.force_to: has no effect with failures.0.kind = 'effectiveness'"),
+        ("failures.0.kind=structural", f"{FILE}: failures.0.force_to: is missing; a failure of kind 'structural' needs it"),
+        ("failures.0.kind=cg-shift", f"{FILE}: failures.0.shift_cbar: is missing; a failure of kind 'cg-shift' needs it"),
+        ("failures.1.at_s=5", f"{FILE}: failures.1.to: is missing; a failure of kind 'effectiveness' needs it"),
+        ("failures.0.kind=cg-shft", "--set failures.0.kind: unknown failure; did you mean cg-shift?; known: cg-shift, effectiveness, ramp, structural (got 'cg-shft')"),
+        ("gusts.0={at_s=16.5, up_fps=9, rise_s=1}", f"{FILE}: gusts.0.at_s: must be no later than the last tick, 16.49 s (got 16.5)"),
+        ("gusts.0={at_s=1, up_fps=9, rise_s=0}", f"{FILE}: gusts.0.rise_s: must be above 0 and at most 1000000 (got 0)"),
+        ("gusts.0={at_s=1, up_fps=900, rise_s=1}", f"{FILE}: gusts.0.up_fps: must be between -500 and 500 (got 900)"),
+        ("gusts.0={at_s=1, rise_s=1}", f"{FILE}: gusts.0.up_fps: is missing"),
         ("estimators.1.alarm_threshold=9", "--set estimators.1.alarm_threshold: has no effect with estimators.1.memory = 'expanding'"),
         ("adaptation.caution=11", "--set adaptation.caution: must be between 0 and 10 (got 11)"),
         ("rates.delay_ticks=-1", "--set rates.delay_ticks: must be between 0 and 100 (got -1)"),
@@ -158,6 +168,22 @@ def test_dither_is_small_unless_it_is_told_otherwise() -> None:
     assert load_scenario("level-loss", ["command.kind=dither"]).command.amplitude_deg_s == 0.5
     assert load_scenario("level-loss", ["command.kind=multisine"]).command.amplitude_deg_s == 5.0
     assert load_scenario("elevator-loss", ["command.kind=dither"]).command.amplitude_deg_s == 5.0  # the file says so
+
+
+@pytest.mark.parametrize("key", ["to=0.5", "force_to=0.5", "over_s=3", "surface=elevator"])
+def test_a_cg_shift_has_no_use_for_the_elevators_keys(key: str) -> None:
+    shift = ["failures.0.kind=cg-shift", "failures.0.at_s=3", "failures.0.shift_cbar=0.02"]
+    with pytest.raises(
+        ScenarioError,
+        match=f"--set failures.0.{key.partition('=')[0]}: has no effect with failures.0.kind = 'cg-shift'",
+    ):
+        load_scenario("nominal", [*shift, f"failures.0.{key}"])
+
+
+def test_what_a_kind_needs_may_be_its_default() -> None:
+    """A share of 1 that is written down is not missing."""
+    whole = ["failures.0.kind=structural", "failures.0.at_s=3", "failures.0.to=1", "failures.0.force_to=1"]
+    assert load_scenario("nominal", whole).failures[0].to == 1.0
 
 
 def test_all_problems_come_at_once(tmp_path: Path) -> None:

@@ -95,6 +95,16 @@ def test_the_failure_is_marked_in_every_plot_and_told_in_the_log(flown: Result) 
     assert list(zip(times, states, strict=True)) == [(0.0, "healthy"), (4.5, "failed")]
 
 
+def test_the_mode_is_that_of_the_elevator(tmp_path: Path) -> None:
+    """A c.g. that moves at 0.5 s leaves it healthy until a failure of its own."""
+    moved = ["failures.1.kind=cg-shift", "failures.1.at_s=0.5", "failures.1.shift_cbar=0.01", "failures.0.at_s=0.8"]
+    result = run(load_scenario("elevator-loss", [*moved, "duration_s=1"]), tmp_path / "run")
+    times, states = _series(_recording(result), "/mode/elevator", "StateChange:state")
+    assert list(zip(times, states, strict=True)) == [(0.0, "healthy"), (0.8, "failed")]
+    times, _ = _series(_recording(result), "/alpha/failure", "Scalars:scalars")
+    assert times == pytest.approx([0.5])
+
+
 def test_identical_flights_give_identical_recordings(flown: Result, tmp_path: Path) -> None:
     """But for the times, seconds and speed of the computer's own clock, which no recording holds."""
     again = run(load_scenario("elevator-loss"), tmp_path / "again")

@@ -41,8 +41,8 @@ class LoopGainConfig:
         scheduled: the model is the schedule, not the short period at the trim point; the input is then absolute.
         alpha_disturbance_rad_s, q_disturbance_rad_s2: process noise: standard deviation of an unmodelled alpha rate and
             pitch acceleration, white, each held for one tick.
-        prior_state: ``"measurement"``: start alpha and q from the readings and their variances; ``"fixed"``: from the prior; ``"corrected"``:
-            from the prior corrected by the readings.
+        prior_state: ``"measurement"``: start alpha and q from the readings and their variances; ``"fixed"``: from the prior;
+            ``"corrected"``: from the prior corrected by the readings.
         prior_alpha_rad, prior_q_rad_s: prior state, deviations from trim.
         prior_alpha_var, prior_q_var: their variances.
         prior_effectiveness, prior_effectiveness_var: prior of K.

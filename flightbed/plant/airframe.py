@@ -55,7 +55,7 @@ class JsbsimAirframe:
         mach, tas_m_s, cas_m_s: Mach number, true airspeed, calibrated airspeed (m/s).
         altitude_m: geometric altitude above sea level, m.
         cg_shift_cbar: c.g. shift in mean chords, aft positive.
-        effectiveness: share of the elevator's deflection that acts; overlay aircraft only.
+        effectiveness: share of the elevator's deflection that acts, moment and force alike; overlay aircraft only.
         engine: ``"steady"``: engines and propellers are at the steady state of every motion that is asked about; ``"frozen"``: spool,
             propeller speed and manifold pressure stay where ``freeze`` left them, and the throttle is not an input.
 
@@ -113,8 +113,8 @@ class JsbsimAirframe:
             name: tuple(sorted({v * factor for path, factor in paths for v in kinks(aircraft, path)}))
             for name, paths in _KINKS.items()
         }
-        elevator = "fcs/elevator-eff-rad" if isinstance(aircraft, Aircraft) else _ELEVATOR
-        self._kinks["elevator"] = kinks(aircraft, elevator)
+        acting = ("fcs/elevator-eff-rad", "fcs/elevator-force-rad") if isinstance(aircraft, Aircraft) else (_ELEVATOR,)
+        self._kinks["elevator"] = tuple(sorted({v for path in acting for v in kinks(aircraft, path)}))
         position = next((p for p in ("fcs/elevator-pos-rad", "fcs/elevator-pos-deg") if fdm.has(p)), None)
         self._position = fdm.getter(position) if position else None
         self._position_unit = DEG if position and position.endswith("deg") else 1.0
@@ -125,7 +125,8 @@ class JsbsimAirframe:
         if isinstance(aircraft, Aircraft):
             fdm.configure(altitude_m=self.altitude_m, cg_shift_cbar=self.cg_shift_cbar)
             names = aircraft.properties
-            fdm.set(names["effectiveness"], self.effectiveness)
+            for share in ("effectiveness", "elevator_force"):
+                fdm.set(names[share], self.effectiveness)
             paths = [[names["elevator_cmd_rad"]], [names["throttle_norm"]]]
             if aircraft.lateral:
                 fdm.set(names["lateral_direct"], 1.0)

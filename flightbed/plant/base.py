@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from math import cos, sin
 from typing import NamedTuple, Protocol
 
-from flightbed.signals import Truth
+from flightbed.signals import HEALTHY, Health, Truth
 
 
 class Plant(Protocol):
     """An aircraft in flight: sense it, then advance it by one control period."""
 
-    def sense(self, effectiveness: float = 1.0) -> Truth:
-        """Return the truth at the present tick, from which on this share of the elevator's deflection acts."""
+    def sense(self, health: Health = HEALTHY) -> Truth:
+        """Return the truth at the present tick, from which on this is what is left of the aircraft."""
 
-    def advance(self, elevator_cmd_rad: float, effectiveness: float, following: float) -> None:
-        """Fly one control period with the command held and this share of the elevator's deflection acting.
+    def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
+        """Fly one control period with the command held and this left of the aircraft.
 
-        ``following`` is the share in the period after it.
+        ``following`` is what is left in the period after it. Raises ValueError for damage that the plant cannot fly.
         """
 
 

@@ -25,13 +25,15 @@ import jsbsim
 
 from flightbed.aircraft import Aircraft
 from flightbed.errors import AircraftError, UnknownNameError
-from flightbed.signals import Truth
+from flightbed.gusts import Gusts, calm
+from flightbed.signals import HEALTHY, Health, Truth
 from flightbed.stock import StockAircraft, engine_names, read_stock, references
 from flightbed.tables import breakpoints
 from flightbed.units import FT, INCH, LB
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
 _BREEZE_FPS = 1e-6
+_REFERENCE = "metrics/aero-rp-x-in"  # of the aerodynamic moments
 _TURBULENCE_MODEL = 4  # MIL-F-8785C spectra, Tustin-discretized (JSBSim's ttTustin)
 # MIL-F-8785C: above 2000 ft JSBSim's index of the exceedance curve; below 1000 ft the wind at 20 ft, 15, 30 and 45 kt.
 _SEVERITY = MappingProxyType({"light": (3, 25.3), "moderate": (4, 50.6), "severe": (6, 75.9)})
@@ -148,22 +150,23 @@ class Fdm:
         self.setter(path)(value)
 
     def configure(self, *, altitude_m: float, cg_shift_cbar: float, gear_up: bool = True) -> None:
-        """Clean configuration in free air, engine running, c.g. shifted aft.
-
-        The aft c.g. is had by moving the aerodynamic reference point forward: same moments, same weight.
-        """
+        """Clean configuration in free air, engine running, c.g. shifted aft."""
         self.set("ic/terrain-elevation-ft", _TERRAIN_FT)
         if gear_up:
             self.set("gear/gear-cmd-norm", 0.0)
             self.set("gear/gear-pos-norm", 0.0)
         self.set("ic/h-sl-ft", altitude_m / FT)
-        if cg_shift_cbar:
-            inches = (
-                self.getter("metrics/aero-rp-x-in")() - cg_shift_cbar * self.getter("metrics/cbarw-ft")() * FT / INCH
-            )
-            self.set("metrics/aero-rp-x-in", inches)
+        self.cg_shifter()(cg_shift_cbar)
         if self.has("propulsion/set-running"):  # not in a glider
             self.set("propulsion/set-running", -1)
+
+    def cg_shifter(self) -> Setter:
+        """Return what puts the c.g. so many mean chords aft of where it is now, before the flight or in it.
+
+        The aft c.g. is had by moving the aerodynamic reference point forward: same moments, same weight.
+        """
+        put, here, chord_ft = self.setter(_REFERENCE), self.getter(_REFERENCE)(), self.getter("metrics/cbarw-ft")()
+        return lambda shift_cbar: put(here - shift_cbar * chord_ft * FT / INCH)
 
     def add_fuel(self, fuel_kg: float) -> None:
         """Put fuel into the tanks, or take it out, in proportion to what they hold. Raises AircraftError if there is not as much."""
@@ -250,7 +253,8 @@ class JsbsimPlant:
         cg_shift_cbar: c.g. shift in mean chords, aft positive.
         turbulence: ``"none"``, ``"light"``, ``"moderate"`` or ``"severe"`` (MIL-F-8785C, Tustin).
         seed: of the turbulence.
-        effectiveness: share of the elevator's deflection that acts from the start; the trim does not know of it.
+        health: what is left of the aircraft from the start; the trim does not know of it.
+        gusts: vertical speed of the air over time, m/s, up positive; it does not enter the trim either.
         fuel_kg: fuel more than the model's file says, spread over the tanks in proportion; the trim does not know of it.
 
     """
@@ -265,11 +269,12 @@ class JsbsimPlant:
         cg_shift_cbar: float = 0.0,
         turbulence: str = "none",
         seed: int = 0,
-        effectiveness: float = 1.0,
+        health: Health = HEALTHY,
+        gusts: Gusts = calm,
         fuel_kg: float = 0.0,
     ) -> None:
         self._fdm = fdm = Fdm(aircraft, 1.0 / plant_hz)
-        self._substeps = plant_hz // control_hz
+        self._substeps, self._plant_hz = plant_hz // control_hz, plant_hz
         self._stops = aircraft.actuator.min_rad, aircraft.actuator.max_rad
         fdm.configure(altitude_m=start.altitude_m, cg_shift_cbar=cg_shift_cbar)
         fdm.add_fuel(fuel_kg)
@@ -278,9 +283,11 @@ class JsbsimPlant:
         fdm.set("ic/gamma-rad", start.theta_rad - start.alpha_rad)
         fdm.set(aircraft.properties["throttle_norm"], start.throttle_norm)
         self._command = fdm.setter(aircraft.properties["elevator_cmd_rad"])
-        self._effectiveness = fdm.setter(aircraft.properties["effectiveness"])
+        self._moment = fdm.setter(aircraft.properties["effectiveness"])
+        self._force = fdm.setter(aircraft.properties["elevator_force"])
+        self._shift_cg = fdm.cg_shifter()
         self._command(start.elevator_rad)
-        self._effectiveness(effectiveness)
+        self._become(health)
         fdm.settle()
         if turbulence != "none":  # after the last run_ic: the Tustin filters divide by dt, which is 0 in there
             fdm.set("simulation/randomseed", seed)
@@ -313,9 +320,24 @@ class JsbsimPlant:
         self._north_m = fdm.getter("position/radius-to-vehicle-ft")() * FT  # per rad of latitude
         self._east_m = self._north_m * cos(self._latitude)
         self._mean_elevator = self._elevator()
+        self._gusts, self._gust_down = gusts, fdm.setter("atmosphere/gust-down-fps")
+        self._frames, self._gust_m_s = 0, 0.0
 
-    def sense(self, effectiveness: float = 1.0) -> Truth:
-        """Return the truth at the present tick; the effectiveness is the one that acts from now on."""
+    def _become(self, health: Health) -> None:
+        """Make this what is left of the aircraft: JSBSim's accelerations show it from the end of the next frame on."""
+        self._health = health
+        self._moment(health.effectiveness)
+        self._force(health.elevator_force)
+        self._shift_cg(health.cg_shift_cbar)
+
+    def _blow(self) -> None:
+        """Set the gust of the frame to come: JSBSim first moves the aircraft, then computes alpha and accelerations, at the frame's end."""
+        self._frames += 1
+        self._gust_m_s = self._gusts(self._frames / self._plant_hz)
+        self._gust_down(-self._gust_m_s / FT)
+
+    def sense(self, health: Health = HEALTHY) -> Truth:
+        """Return the truth at the present tick; the health is what is left from now on."""
         (alpha, q, theta, phi, psi, airspeed, mach, altitude, latitude, longitude, nz) = [get() for get in self._get]
         return Truth(
             alpha,
@@ -331,26 +353,29 @@ class JsbsimPlant:
             nz,
             self._elevator(),
             self._mean_elevator,
-            effectiveness,
+            *health,
+            self._gust_m_s,
         )
 
-    def advance(self, elevator_cmd_rad: float, effectiveness: float, following: float) -> None:
-        """Fly one control period with the command held and this share of the elevator's deflection acting.
+    def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
+        """Fly one control period with the command held and this left of the aircraft.
 
         JSBSim computes at the end of a frame the accelerations that move the aircraft over the next one: the last frame of
-        a period is given the effectiveness of the ``following`` period, which so begins exactly at its tick.
+        a period is given the health of the ``following`` period, which so begins exactly at its tick.
 
         The command is clamped to the stops first: JSBSim's rate limiter runs on beyond them and comes back late.
         """
         low, high = self._stops
         self._command(low if elevator_cmd_rad < low else high if elevator_cmd_rad > high else elevator_cmd_rad)
-        self._effectiveness(effectiveness)
-        elevator, run, total = self._elevator, self._run, 0.0
-        for _ in range(self._substeps - 1):
+        if health is not self._health:
+            self._become(health)
+        elevator, run, total, windy = self._elevator, self._run, 0.0, self._gusts is not calm
+        for frames_left in range(self._substeps, 0, -1):
+            if frames_left == 1 and following is not health:
+                self._become(following)
+            if windy:
+                self._blow()
             # A frame moves the aircraft with the accelerations, and so the deflection, of the frame before.
             total += elevator()
             run()
-        self._effectiveness(following)
-        total += elevator()
-        run()
         self._mean_elevator = total / self._substeps

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import cos, nan, sin
+from dataclasses import replace
+from math import cos, isnan, nan, sin
 from typing import NamedTuple
 
 import numpy as np
 
+from flightbed.gusts import Gusts, calm
 from flightbed.short_period import ShortPeriod, zero_order_hold
-from flightbed.signals import Truth
+from flightbed.signals import HEALTHY, Health, Truth
 from flightbed.units import G0
 
 Row = tuple[float, ...]
 
 
 class _Step(NamedTuple):
-    """One period: rows for alpha, q, elevator and the integral of elevator, over (alpha, q, elevator, command, w_alpha, w_q, 1)."""
+    """One period: rows for alpha, q, elevator and the integral of elevator.
+
+    Each over (alpha, q, elevator, command, alpha_gust, w_alpha, w_q, 1).
+    """
 
     alpha: Row
     q: Row
@@ -27,18 +32,24 @@ class _Step(NamedTuple):
 class LinearPlant:
     """Short period plus first-order actuator, exactly discretized per control period, without limits.
 
-    alpha' , q' follow x' = A x + b (K delta - delta_trim) + w if ``absolute``, else x' = A x + K b (delta - delta_trim) + w, the
-    thesis's form. The period's mean deflection is exact too: it is the integral of a state of the matrix exponential. Flight path and
-    load factor are the kinematics of that motion at constant speed, nz = 1 + V (q - alpha')/g.
+    alpha' , q' follow x' = A x + S b delta - b delta_trim + w if ``absolute``, else x' = A x + S b (delta - delta_trim) + w, the
+    thesis's form, with S b = (force share x Z_delta, K x M_delta). The period's mean deflection is exact too: it is the integral of a
+    state of the matrix exponential. A gust w adds w/V to the angle of attack, for the forces and for the vane; it is held over a period
+    at the mean of its values at both ends. Flight path and load factor are the kinematics of the motion at constant speed,
+    nz = 1 + V (q - alpha')/g, alpha without the gust.
 
     Args:
         design: the model to fly; starts at its trim, level.
         control_hz: one advance() is one period.
-        absolute: whether K scales the trim deflection as well.
-        airspeed_m_s: for flight path and load factor; nan leaves them nan.
+        absolute: whether the shares scale the trim deflection as well.
+        airspeed_m_s: for gusts, flight path and load factor; nan leaves the latter two nan.
         mach, altitude_m: of the start; Mach number stays.
+        gusts: vertical speed of the air over time, m/s, up positive.
         process_noise: standard deviations of w: an alpha rate, rad/s, and a pitch acceleration, rad/s^2; white, each held for a period.
         seed: of the process noise.
+
+    Raises:
+        ValueError: there are gusts, but no airspeed.
 
     """
 
@@ -51,23 +62,28 @@ class LinearPlant:
         airspeed_m_s: float = nan,
         mach: float = nan,
         altitude_m: float = nan,
+        gusts: Gusts = calm,
         process_noise: tuple[float, float] = (0.0, 0.0),
         seed: np.random.SeedSequence | int = 0,
     ) -> None:
-        self._design, self._dt, self._absolute = design, 1.0 / control_hz, absolute
+        if gusts is not calm and isnan(airspeed_m_s):
+            raise ValueError("a linear plant in gusts needs airspeed_m_s: a gust w changes alpha by w / V")
+        self._design, self._hz, self._absolute = design, control_hz, absolute
         self._speed, self._mach, self._altitude, self._north = airspeed_m_s, mach, altitude_m, 0.0
-        self._steps: dict[float, _Step] = {}
+        self._steps: dict[Health, _Step] = {}
+        self._health, self._step = HEALTHY, self._step_of(HEALTHY)
         self._x = (0.0, 0.0, 0.0)  # alpha, q, elevator, in deviations from trim
         self._mean = design.elevator_trim_rad
         self._theta = self._theta_0 = design.alpha_trim_rad
-        self._nz = nan if airspeed_m_s != airspeed_m_s else 1.0
+        self._nz = nan if isnan(airspeed_m_s) else 1.0
+        self._gusts, self._tick, self._gust_m_s = gusts, 0, gusts(0.0)
         self._noise = _noise(process_noise, seed) if any(process_noise) else None
 
-    def sense(self, effectiveness: float = 1.0) -> Truth:
+    def sense(self, health: Health = HEALTHY) -> Truth:
         """Return the truth at the present tick; what a short period does not have is 0, or nan."""
         d, (alpha, q, elevator) = self._design, self._x
         return Truth(
-            alpha_rad=d.alpha_trim_rad + alpha,
+            alpha_rad=d.alpha_trim_rad + alpha + self._gust_rad(self._gust_m_s),
             q_rad_s=q,
             theta_rad=self._theta,
             phi_rad=0.0,
@@ -80,46 +96,71 @@ class LinearPlant:
             nz_g=self._nz,
             elevator_rad=d.elevator_trim_rad + elevator,
             elevator_mean_rad=self._mean,
-            effectiveness=effectiveness,
+            effectiveness=health.effectiveness,
+            elevator_force=health.elevator_force,
+            gust_up_m_s=self._gust_m_s,
         )
 
-    def advance(self, elevator_cmd_rad: float, effectiveness: float, following: float) -> None:  # noqa: ARG002
-        """Fly one control period with the command held; exact, so the following period does not matter."""
-        step = self._steps.get(effectiveness) or self._step(effectiveness)
-        trim, dt, (alpha, q, elevator) = self._design.elevator_trim_rad, self._dt, self._x
-        command = elevator_cmd_rad - trim
+    def _gust_rad(self, up_m_s: float) -> float:
+        return up_m_s / self._speed if up_m_s else 0.0
+
+    def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:  # noqa: ARG002
+        """Fly one control period with the command held; exact, so the following period does not matter.
+
+        Raises ValueError for a c.g. shift.
+        """
+        if health is not self._health:
+            self._health, self._step = health, self._steps.get(health) or self._step_of(health)
+        dt, trim, (alpha, q, elevator) = 1.0 / self._hz, self._design.elevator_trim_rad, self._x
+        command, gust = elevator_cmd_rad - trim, self._blow()
         if self._noise is None:
-            moved = [r[0] * alpha + r[1] * q + r[2] * elevator + r[3] * command + r[6] for r in step]
+            moved = [
+                r[0] * alpha + r[1] * q + r[2] * elevator + r[3] * command + r[4] * gust + r[7] for r in self._step
+            ]
         else:
             w_alpha, w_q = next(self._noise)
             moved = [
-                r[0] * alpha + r[1] * q + r[2] * elevator + r[3] * command + r[4] * w_alpha + r[5] * w_q + r[6]
-                for r in step
-            ]
+                r[0] * alpha + r[1] * q + r[2] * elevator + r[3] * command + r[4] * gust + r[5] * w_alpha + r[6] * w_q + r[7]
+                for r in self._step
+            ]  # fmt: skip
         self._x = (moved[0], moved[1], moved[2])
         self._mean = trim + moved[3] / dt
         # Over the period, by the trapezoidal rule: only flight path and load factor hang on it, nothing hangs on them.
-        turned, climbed = 0.5 * dt * (q + moved[1]), self._theta - self._theta_0 - alpha
-        self._theta += turned
+        climbed = self._theta - self._theta_0 - alpha
+        self._theta += 0.5 * dt * (q + moved[1])
         now = self._theta - self._theta_0 - moved[0]
         self._nz = cos(now) + self._speed / G0 * (now - climbed) / dt
         gamma = 0.5 * (climbed + now)
         self._altitude += self._speed * sin(gamma) * dt
         self._north += self._speed * cos(gamma) * dt
 
-    def _step(self, effectiveness: float) -> _Step:
+    def _blow(self) -> float:
+        """Go on by a period; returns its mean gust as an angle of attack."""
+        if self._gusts is calm:
+            return 0.0
+        self._tick += 1
+        before, self._gust_m_s = self._gust_m_s, self._gusts(self._tick / self._hz)
+        return self._gust_rad(0.5 * (before + self._gust_m_s))
+
+    def _step_of(self, health: Health) -> _Step:
+        if health.cg_shift_cbar:
+            raise ValueError(
+                f"a c.g. shift of {health.cg_shift_cbar:g} cbar has no meaning for A and b alone: fly it on a JsbsimPlant"
+            )
         d = self._design
-        A3, b3 = d.with_actuator(effectiveness)
-        A, B = np.zeros((4, 4)), np.zeros((4, 4))
+        left = np.array([health.elevator_force, health.effectiveness]) * d.b
+        A3, b3 = replace(d, b=left).with_actuator()
+        A, B = np.zeros((4, 4)), np.zeros((4, 5))
         A[:3, :3] = A3
         A[3, 2] = 1.0
         B[:3, 0] = b3
-        B[0, 1] = B[1, 2] = 1.0
-        if self._absolute:  # the moment that the trim deflection has lost
-            B[:2, 3] = (effectiveness - 1.0) * d.elevator_trim_rad * d.b
-        phi, gamma = zero_order_hold(A, B, self._dt)
-        rows = np.column_stack([phi[:, :3], gamma]).tolist()
-        step = self._steps[effectiveness] = _Step(*(tuple(row) for row in rows))
+        B[:2, 1] = d.A[:, 0]  # an angle of attack by a gust
+        B[0, 2] = B[1, 3] = 1.0
+        if self._absolute:  # force and moment that the trim deflection has lost
+            B[:2, 4] = (left - d.b) * d.elevator_trim_rad
+        phi, gamma = zero_order_hold(A, B, 1.0 / self._hz)
+        step = _Step(*(tuple(row) for row in np.column_stack([phi[:, :3], gamma]).tolist()))
+        self._steps[health] = step
         return step
 
 
@@ -127,5 +168,4 @@ def _noise(stds: tuple[float, float], seed: np.random.SeedSequence | int) -> Ite
     """Yield process noise for ever, drawn in blocks: one draw at a time costs more than a period of flight."""
     rng = np.random.default_rng(seed)
     while True:
-        for alpha, q in (rng.standard_normal((1024, 2)) * stds).tolist():
-            yield alpha, q
+        yield from map(tuple, (rng.standard_normal((1024, 2)) * stds).tolist())

@@ -13,8 +13,8 @@ from flightbed.estimation.base import OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.record import estimate_record
 from flightbed.factories import loop_gain_config
-from flightbed.scenario import EstimatorSettings, Prior
 from flightbed.sensors import SensorNoise
+from flightbed.settings import EstimatorSettings, Prior
 from flightbed.short_period import ShortPeriod
 from flightbed.signals import Measurement
 from flightbed.units import DEG

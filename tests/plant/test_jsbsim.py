@@ -10,9 +10,14 @@ import pytest
 
 from flightbed.aircraft import Aircraft
 from flightbed.errors import AircraftError
+from flightbed.gusts import calm, one_minus_cosine
+from flightbed.linearize import linearize
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.plant.jsbsim import Fdm, JsbsimPlant, Start
+from flightbed.plant.linear import LinearPlant
+from flightbed.short_period import short_period
+from flightbed.signals import HEALTHY, Health
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT
 
@@ -42,13 +47,13 @@ def test_actuator_has_the_lag_and_rate_of_the_overlay_at_every_step(
     plant = _plant(f16, point, plant_hz=plant_hz)
     positions = [plant.sense().elevator_rad]
     for _ in range(60):
-        plant.advance(point.elevator_rad + 20 * DEG, 1.0, 1.0)
+        plant.advance(point.elevator_rad + 20 * DEG, HEALTHY, HEALTHY)
         positions.append(plant.sense().elevator_rad)
     rates = np.diff(positions) * 100 / DEG
     assert rates.max() == pytest.approx(60.0, rel=1e-6)
     small = _plant(f16, point, plant_hz=plant_hz)
     for _ in range(5):
-        small.advance(point.elevator_rad + 0.2 * DEG, 1.0, 1.0)
+        small.advance(point.elevator_rad + 0.2 * DEG, HEALTHY, HEALTHY)
     reached = (small.sense().elevator_rad - point.elevator_rad) / (0.2 * DEG)
     # First order, half a frame late: Tustin's rule averages the step with the frame before it.
     assert reached == pytest.approx(1.0 - np.exp(-20.2 * (0.05 - 0.5 / plant_hz)), abs=0.001)
@@ -58,10 +63,10 @@ def test_commands_beyond_the_stop_come_back_at_once(f16: Aircraft, point: TrimPo
     """JSBSim's rate limiter winds up beyond the stop; the plant's clamp prevents it."""
     plant = _plant(f16, point)
     for _ in range(150):
-        plant.advance(3.0, 1.0, 1.0)
+        plant.advance(3.0, HEALTHY, HEALTHY)
     assert plant.sense().elevator_rad == pytest.approx(25 * DEG)
-    plant.advance(0.0, 1.0, 1.0)
-    plant.advance(0.0, 1.0, 1.0)
+    plant.advance(0.0, HEALTHY, HEALTHY)
+    plant.advance(0.0, HEALTHY, HEALTHY)
     assert plant.sense().elevator_rad < 24.5 * DEG
 
 
@@ -86,7 +91,7 @@ def test_engine_runs_from_the_first_step(f16: Aircraft, point: TrimPoint) -> Non
     # Not 1: at the equator and 20,000 ft gravity is 0.9954 of the standard g that nz counts in, 0.1 % more goes into curving.
     assert start.nz_g == pytest.approx(1.0, abs=0.006)
     for _ in range(100):
-        plant.advance(point.elevator_rad, 1.0, 1.0)
+        plant.advance(point.elevator_rad, HEALTHY, HEALTHY)
     now = plant.sense()
     assert now.airspeed_m_s == pytest.approx(start.airspeed_m_s, abs=0.02)
     assert now.altitude_m == pytest.approx(start.altitude_m, abs=0.1)
@@ -117,8 +122,8 @@ def test_loading_is_silent() -> None:
 def _fly(plant: JsbsimPlant, point: TrimPoint, ticks: int = 300) -> np.ndarray:
     rows = []
     for k in range(ticks):
-        K, following = (1.0 if tick < 100 else 0.5 for tick in (k, k + 1))
-        plant.advance(point.elevator_rad + 0.01 * np.sin(0.1 * k), K, following)
+        now, following = (HEALTHY if tick < 100 else Health(0.5, 0.5) for tick in (k, k + 1))
+        plant.advance(point.elevator_rad + 0.01 * np.sin(0.1 * k), now, following)
         rows.append(plant.sense())
     return np.array(rows)
 
@@ -149,7 +154,7 @@ def test_mean_deflection_is_what_moved_the_aircraft(f16: Aircraft, point: TrimPo
     """Over one tick the pitch rate changes by M_delta times the mean deflection: the frame before counts."""
     plant = _plant(f16, point, plant_hz=400)
     before = plant.sense()
-    plant.advance(point.elevator_rad + 2 * DEG, 1.0, 1.0)
+    plant.advance(point.elevator_rad + 2 * DEG, HEALTHY, HEALTHY)
     after = plant.sense()
     mean = after.elevator_mean_rad - point.elevator_rad
     assert 0.0 < mean < after.elevator_rad - point.elevator_rad
@@ -162,21 +167,22 @@ def test_effectiveness_scales_the_moment_of_the_whole_deflection_from_its_tick_o
 ) -> None:
     """Trimmed and held: to K = 0.2 at tick 2. At tick 2 nothing has moved yet; then 80 % of the trim's moment is missing."""
     plant = _plant(f16, point, plant_hz=plant_hz)
-    healthy = _plant(f16, point, plant_hz=plant_hz)
+    healthy, weak = _plant(f16, point, plant_hz=plant_hz), Health(0.2, 0.2)
     for k in range(5):
         if k <= 2:
             assert plant.sense().q_rad_s == healthy.sense().q_rad_s
-        plant.advance(point.elevator_rad, 0.2 if k >= 2 else 1.0, 0.2 if k >= 1 else 1.0)
-        healthy.advance(point.elevator_rad, 1.0, 1.0)
-    flown = plant.sense(0.2)
-    assert flown.effectiveness == 0.2
+        plant.advance(point.elevator_rad, weak if k >= 2 else HEALTHY, weak if k >= 1 else HEALTHY)
+        healthy.advance(point.elevator_rad, HEALTHY, HEALTHY)
+    flown = plant.sense(weak)
+    assert (flown.effectiveness, flown.elevator_force) == (0.2, 0.2)
     # q' = -M_delta (1 - K) delta_trim over 30 ms, less 2 % that the pitch damping takes.
     assert (flown.q_rad_s - healthy.sense().q_rad_s) / 0.03 == pytest.approx(13.81 * 0.8 * point.elevator_rad, rel=0.03)
 
 
 def test_a_failure_from_the_start_acts_from_the_start(f16: Aircraft, point: TrimPoint) -> None:
-    plant = _plant(f16, point, plant_hz=100, effectiveness=0.2)
-    plant.advance(point.elevator_rad, 0.2, 0.2)
+    weak = Health(0.2, 0.2)
+    plant = _plant(f16, point, plant_hz=100, health=weak)
+    plant.advance(point.elevator_rad, weak, weak)
     assert plant.sense().q_rad_s / 0.01 == pytest.approx(13.81 * 0.8 * point.elevator_rad, rel=0.03)
 
 
@@ -193,3 +199,95 @@ def test_turbulence_is_felt_at_every_altitude(f16: Aircraft, altitude_ft: float)
 
     calm = alpha("none")
     assert 0.02 * DEG < np.std(alpha("light") - calm) < np.std(alpha("severe") - calm)
+
+
+def _rates(airframe: JsbsimAirframe, point: TrimPoint) -> tuple[float, float]:
+    """Return (alpha', q') at the trim point."""
+    motion = Motion(point.airspeed_m_s, point.alpha_rad, point.theta_rad, 0.0, ALTITUDE)
+    rates = airframe.respond(motion, point.controls).rates
+    return rates.alpha, rates.q
+
+
+def test_a_cg_shift_in_flight_is_the_shift_of_the_airframe(f16: Aircraft, point: TrimPoint) -> None:
+    """From the first tick on it is the aircraft that was configured so, to the last bit; the trim does not know of it."""
+    shifted = Health(cg_shift_cbar=0.05)
+    configured, failed = _plant(f16, point, cg_shift_cbar=0.05), _plant(f16, point, health=shifted)
+    for _ in range(200):
+        configured.advance(point.elevator_rad, HEALTHY, HEALTHY)
+        failed.advance(point.elevator_rad, shifted, shifted)
+        assert configured.sense() == failed.sense()
+    assert failed.sense(shifted).cg_shift_cbar == 0.05
+    assert abs(failed.sense().alpha_rad - point.alpha_rad) > 5 * DEG  # it goes away: that was a comparison of something
+
+
+@pytest.mark.parametrize("plant_hz", [100, 200, 400])
+@pytest.mark.parametrize("health", [Health(cg_shift_cbar=0.05), Health(cg_shift_cbar=-0.02), Health(0.4, 0.8, 0.03)])
+def test_damage_acts_exactly_at_its_tick(f16: Aircraft, point: TrimPoint, plant_hz: int, health: Health) -> None:
+    """At its tick nothing has moved; a tick later q has the rate that the airframe, shifted for good, has at that point."""
+    plant, healthy = _plant(f16, point, plant_hz=plant_hz), _plant(f16, point, plant_hz=plant_hz)
+    for k in range(3):
+        assert plant.sense().q_rad_s == healthy.sense().q_rad_s
+        plant.advance(point.elevator_rad, health if k >= 2 else HEALTHY, health if k >= 1 else HEALTHY)
+        healthy.advance(point.elevator_rad, HEALTHY, HEALTHY)
+    airframe = JsbsimAirframe(f16, mach=0.8, altitude_m=ALTITUDE, cg_shift_cbar=health.cg_shift_cbar)
+    airframe._fdm.set(f16.properties["effectiveness"], health.effectiveness)
+    airframe._fdm.set(f16.properties["elevator_force"], health.elevator_force)
+    rate = (plant.sense().q_rad_s - healthy.sense().q_rad_s) * 100
+    # Damping takes up to M_q dt / 2, half a per cent.
+    assert rate == pytest.approx(_rates(airframe, point)[1], rel=0.006)
+    assert plant.sense(health)[-4:] == (*health, 0.0)
+
+
+def test_a_cg_shift_can_be_taken_back(f16: Aircraft, point: TrimPoint) -> None:
+    """Where the c.g. was at take-off is 0 in flight, whatever the aircraft was configured with."""
+    plant, never = (_plant(f16, point, cg_shift_cbar=0.013) for _ in range(2))
+    plant.advance(point.elevator_rad, HEALTHY, HEALTHY)
+    plant._become(Health(cg_shift_cbar=0.05))
+    never.advance(point.elevator_rad, HEALTHY, HEALTHY)
+    for _ in range(50):
+        plant.advance(point.elevator_rad, HEALTHY, HEALTHY)
+        never.advance(point.elevator_rad, HEALTHY, HEALTHY)
+    assert plant.sense() == never.sense()
+
+
+def test_gusts_do_not_enter_the_trim_and_are_told(f16: Aircraft, point: TrimPoint) -> None:
+    """JSBSim's gust outlives run_ic: it is written in flight alone."""
+    gusts = one_minus_cosine(calm, at_s=0.0, up_m_s=10 * FT, rise_s=0.05, hold_s=1.0)
+    plant, still = _plant(f16, point, gusts=gusts), _plant(f16, point)
+    assert plant.sense() == still.sense()
+    told = plant._fdm.getter("atmosphere/gust-down-fps")
+    for k in range(1, 20):
+        plant.advance(point.elevator_rad, HEALTHY, HEALTHY)
+        assert plant.sense().gust_up_m_s == pytest.approx(gusts(k / 100), abs=1e-12)
+        assert told() * FT == pytest.approx(-gusts(k / 100), abs=1e-12)
+
+
+@pytest.mark.parametrize("mach", [0.6, 0.7, 0.8])
+@pytest.mark.parametrize("plant_hz", [100, 200, 400])
+def test_gusts_move_the_aircraft_as_the_linear_model_says(f16: Aircraft, mach: float, plant_hz: int) -> None:
+    """0.2 ft/s against the linear plant in the same air. What is left is a frame's delay: 1.5 % of q at 100 Hz, half at 200, ...
+
+    and 0.1 % that speed and attitude, which the short period does not have, take.
+    """
+    airframe = JsbsimAirframe(f16, mach=mach, altitude_m=ALTITUDE)
+    here = trim(airframe)
+    design = short_period(linearize(airframe, here), actuator_rad_s=f16.actuator.lag_rad_s)
+    for up in (0.2 * FT, -0.2 * FT):
+        gusts = one_minus_cosine(calm, at_s=0.1, up_m_s=up, rise_s=0.05, hold_s=9.0)
+        plant, still = (_plant(f16, here, plant_hz=plant_hz, gusts=air) for air in (gusts, calm))
+        linear = LinearPlant(design, control_hz=100, airspeed_m_s=here.airspeed_m_s, gusts=gusts)
+        flown, expected = [], []
+        for _ in range(60):
+            for each in (plant, still, linear):
+                each.advance(here.elevator_rad, HEALTHY, HEALTHY)
+            gusty, calmly, model = plant.sense(), still.sense(), linear.sense()
+            flown.append((gusty.alpha_rad - calmly.alpha_rad, gusty.q_rad_s - calmly.q_rad_s))
+            expected.append((model.alpha_rad - design.alpha_trim_rad, model.q_rad_s))
+        error = np.abs(np.subtract(flown, expected)).max(axis=0) / np.abs(expected).max(axis=0)
+        assert error[0] < 0.006 * 100 / plant_hz
+        assert error[1] < 0.001 + 0.015 * 100 / plant_hz
+        # The first moments by themselves, from the peak at 0.15 s on: alpha' = Z_alpha w/V, q' = M_alpha w/V, before anything has moved.
+        alpha_rate, q_rate = (np.array(flown[17]) - flown[15]) / 0.02
+        wind = up / here.airspeed_m_s
+        assert alpha_rate == pytest.approx(design.A[0, 0] * wind, rel=0.15)
+        assert q_rate == pytest.approx(design.A[1, 0] * wind, rel=0.15)

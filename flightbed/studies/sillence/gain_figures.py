@@ -22,7 +22,7 @@ _FAST = "window-smoothed-07"
 
 
 def _window(scenario: dict[str, Any], *, bounded: bool = False) -> Scenario:
-    bounds = {"bounds": (0.0, 1.0)} if bounded else {}
+    bounds: dict[str, Any] = {"bounds": (0.0, 1.0)} if bounded else {}
     filters = [estimator(WINDOW, **bounds), estimator(EXPANDING, "expanding"), estimator(_FAST, smoothing=0.7)]
     return thesis(estimators=filters, **scenario)
 
@@ -45,7 +45,8 @@ def estimates() -> Iterator[Figure]:
     ):
         yield Figure(number, title, words, [_window(at_06)], _ALL, rows, draw)
     for number, snr, bounded in (
-        (32, "53.286", False), (33, "23.29", False), (35, "23.29", True), (36, "40", False), (37, "40", True), (38, "60", False), (39, "60", True),
+        (32, "53.286", False), (33, "23.29", False), (35, "23.29", True), (36, "40", False), (37, "40", True),
+        (38, "60", False), (39, "60", True),
     ):  # fmt: skip
         yield Figure(
             number, f"moving window at {snr} dB, {'bounded to 0 .. 1' if bounded else 'unbounded'}",
@@ -97,7 +98,10 @@ def _with_command(axes: list[Axes], flown: Sequence[Flown]) -> str:
     quiet = (c[TIME] >= 14.5) & (c[TIME] <= 16.0)
     busy = (c[TIME] >= 5.0) & (c[TIME] <= 13.5)
     error = c[_RAW] - c["effectiveness_true"]
-    return f"RMS error {np.sqrt(np.mean(error[quiet] ** 2)):.3f} from 14.5 to 16 s, {np.sqrt(np.mean(error[busy] ** 2)):.3f} during the doublets after the failure."
+    return (
+        f"RMS error {np.sqrt(np.mean(error[quiet] ** 2)):.3f} from 14.5 to 16 s, "
+        f"{np.sqrt(np.mean(error[busy] ** 2)):.3f} during the doublets after the failure."
+    )
 
 
 def _smoothings(axes: list[Axes], flown: Sequence[Flown]) -> str:

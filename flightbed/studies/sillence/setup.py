@@ -206,8 +206,8 @@ def _section(trials: Sequence[Trial]) -> Section:
     table = Table(
         "setups", "Set-ups of the linear experiment, nearest to the print first (K_1 = 0.8, 0.6, 0.4, 0.2, 0.1)", columns, rows,
         {"distance": ".3f", "largest": ".3f", "doublets start, s": ".2f"},
-        note=f"Medians over {SEARCH_RUNS} noise draws. Distance: root mean square of the 15 differences of Tables 4 and 5 from the print, in "
-        f"units of {FINAL_TOLERANCE} of K and {ENTRY_TOLERANCE_S} s; largest: the largest of them.",
+        note=f"Medians over {SEARCH_RUNS} noise draws. Distance: root mean square of the 15 differences of Tables 4 and 5 from the print, "
+        f"in units of {FINAL_TOLERANCE} of K and {ENTRY_TOLERANCE_S} s; largest: the largest of them.",
     )  # fmt: skip
     best = trials[0].setup
     return Section(

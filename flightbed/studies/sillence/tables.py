@@ -14,7 +14,7 @@ from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.metrics import snr_db
-from flightbed.scenario import GainSettings
+from flightbed.settings import GainSettings
 from flightbed.statistics import rank, spread
 from flightbed.studies.base import Flights, Part
 from flightbed.studies.sillence import printed
@@ -44,12 +44,13 @@ def table_1() -> Table:
         rows.append([q_std, alpha_std, wanted, right, rounded, ours, "yes" if same_digits(ours, wanted) else "no"])
     return Table(
         "table_1", "Table 1: SNR, dB",
-        ("sigma_q, deg/s", "sigma_alpha, deg", "printed", "true poles", "printed poles, q_max 11", "printed poles, q_max 11.144", "same digits"),
+        ("sigma_q, deg/s", "sigma_alpha, deg", "printed", "true poles", "printed poles, q_max 11",
+         "printed poles, q_max 11.144", "same digits"),
         rows, {"true poles": ".3f", "printed poles, q_max 11": ".3f", "printed poles, q_max 11.144": ".3f"},
-        note="The weighting w = 1/sqrt|p1 p2| of the table is that of the poles as printed below eq (82), -0.6737 and 0.30691, a misprint of "
-        "+0.6737 and -3.0691 that so went into the computation: with the true poles (w = 0.695 s) no row comes out, and no signal could make "
-        "them, since they are off by -2.3 to +6.4 dB. His maxima are given as about 6 deg and 11 deg/s; 11.144 deg/s, fitted to the second row, "
-        "gives all five. The row of 40 dB prints 0.739 for sigma_alpha; 0.0739 is meant.",
+        note="The weighting w = 1/sqrt|p1 p2| of the table is that of the poles as printed below eq (82), -0.6737 and 0.30691, a misprint "
+        "of +0.6737 and -3.0691 that so went into the computation: with the true poles (w = 0.695 s) no row comes out, and no signal could "
+        "make them, since they are off by -2.3 to +6.4 dB. His maxima are given as about 6 deg and 11 deg/s; 11.144 deg/s, fitted to the "
+        "second row, gives all five. The row of 40 dB prints 0.739 for sigma_alpha; 0.0739 is meant.",
     )  # fmt: skip
 
 
@@ -148,13 +149,13 @@ def _table_4(law: str, flown: Any) -> Table:
 
     return Table(
         f"table_4_{law}", f"Table 4: expanding horizon, {law} law",
-        ("K_1", "final K-hat, printed", "seed 0", "all seeds", "rank", "error %, printed", "error %, ours", "t_s printed, s", "t_s seed 0, s",
-         "t_s all seeds, s", "t_s rank"),
+        ("K_1", "final K-hat, printed", "seed 0", "all seeds", "rank", "error %, printed", "error %, ours", "t_s printed, s",
+         "t_s seed 0, s", "t_s all seeds, s", "t_s rank"),
         _rows(law, flown, cells),
         {"K_1": "g", "final K-hat, printed": ".4f", "seed 0": ".4f", "all seeds": ".4f", "rank": ".2f", "error %, printed": ".2f",
          "error %, ours": ".2f", "t_s printed, s": ".2f", "t_s seed 0, s": ".2f", "t_s all seeds, s": ".2f", "t_s rank": ".2f"},
-        note="Where the curve of K-hat runs along the edge of the band, as for K_1 = 0.6 and 0.4, the moment of entry hangs on thousandths of "
-        "K-hat: there the settling times differ from the print by up to a second while the curves differ by 0.003.",
+        note="Where the curve of K-hat runs along the edge of the band, as for K_1 = 0.6 and 0.4, the moment of entry hangs on thousandths "
+        "of K-hat: there the settling times differ from the print by up to a second while the curves differ by 0.003.",
     )  # fmt: skip
 
 
