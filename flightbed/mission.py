@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import platform
 import time
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -28,6 +29,7 @@ from flightbed.linearize import LinearModel, linearize
 from flightbed.loop import Flight
 from flightbed.loop import fly as _fly
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
+from flightbed.pacing import Clock, paced, punctuality, with_timings
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.jsbsim import JsbsimPlant, Start
 from flightbed.scenario import ModelError, Scenario
@@ -208,7 +210,14 @@ def fly(scenario: Scenario) -> Iterator[Sample]:
     return _fly(assemble(plan(scenario)))
 
 
-def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True, replace: bool = True) -> Result:
+def run(
+    scenario: Scenario,
+    out: str | Path | None = None,
+    *,
+    rerun: bool = True,
+    replace: bool = True,
+    pace: Clock | None = None,
+) -> Result:
     """Fly a scenario; with ``out``, leave a folder with scenario, trace, metrics and recording.
 
     Nothing is left behind when the flight is interrupted.
@@ -219,6 +228,8 @@ def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True
         rerun: whether the folder gets a Rerun recording.
         replace: an ``out`` that holds an earlier run is replaced, whole, once the flight is done, and any other folder
             that is not empty is refused; if false, the first free one of OUT, OUT-2, OUT-3, ... is taken instead.
+        pace: clock that the ticks keep to, ``flightbed.WallClock()`` for real time; the trace then has the columns of
+            ``pacing.with_timings``, and the same others. None flies as fast as it can.
 
     Raises:
         InputError, NotComputableError, as the parts do; OutputError when the folder cannot be written.
@@ -227,17 +238,17 @@ def run(scenario: Scenario, out: str | Path | None = None, *, rerun: bool = True
     target = None if out is None else check_target(Path(out), replace=replace)
     planned = plan(scenario)
     flight = assemble(planned)
+    samples, control_hz, timings = _fly(flight), scenario.rates.control_hz, array("q")
+    if pace is not None:
+        samples = paced(samples, control_hz=control_hz, clock=pace, record=timings.extend)
     began = time.perf_counter()
-    trace = collect(
-        _fly(flight), estimators=[e.name for e in scenario.estimators], control_hz=scenario.rates.control_hz
-    )
+    trace = collect(samples, estimators=[e.name for e in scenario.estimators], control_hz=control_hz)
     wall = time.perf_counter() - began
+    if pace is not None:
+        trace = with_timings(trace, timings)
     if planned.schedule is not None:
-        hz, window = (
-            scenario.rates.control_hz,
-            next((e.window for e in scenario.estimators if e.memory == "window"), None),
-        )
-        at_best = bound(trace, planned.schedule, _noise(scenario), control_hz=hz, window=window)
+        window = next((e.window for e in scenario.estimators if e.memory == "window"), None)
+        at_best = bound(trace, planned.schedule, _noise(scenario), control_hz=control_hz, window=window)
         trace = trace.with_column("effectiveness_bound", at_best)
     failed_at = first_failure_s(scenario)
     if failed_at is not None and failed_at > trace["t_s"][-1]:
@@ -257,6 +268,7 @@ def first_failure_s(scenario: Scenario) -> float | None:
 
 def _summary(plan: Plan, trace: Trace, metrics: Metrics, failed_at: float | None, wall_s: float) -> dict[str, Any]:
     scenario, design = plan.scenario, plan.design
+    kept = punctuality(trace, control_hz=scenario.rates.control_hz)
     flown_s = len(trace) / scenario.rates.control_hz
     alpha = np.abs(trace["alpha_deg"] - plan.trim.alpha_rad / DEG)
     before = trace["t_s"] < (failed_at or np.inf)  # a failure at 0 leaves no "before": then all of it
@@ -292,6 +304,7 @@ def _summary(plan: Plan, trace: Trace, metrics: Metrics, failed_at: float | None
         "aircraft_sha256": plan.aircraft.sha256,
         "wall_time_s": wall_s,
         "real_time_factor": flown_s / wall_s,
+        "realtime": None if kept is None else dataclasses.asdict(kept),
         "versions": {
             "flightbed": version("flightbed"),
             "python": platform.python_version(),
