@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from flightbed.errors import FlightbedError
     from flightbed.metrics import Metrics
     from flightbed.mission import Result, fly, run
+    from flightbed.pacing import WallClock
     from flightbed.plant.airframe import JsbsimAirframe
     from flightbed.scenario import Scenario, load_scenario
     from flightbed.signals import Estimate, Measurement, Sample, Truth
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Aircraft", "Estimate", "FlightbedError", "JsbsimAirframe", "LinearModel", "Measurement", "Metrics", "Result", "Sample",
-    "Scenario", "ShortPeriod", "Trace", "TrimPoint", "Truth", "fly", "linearize", "load_aircraft", "load_scenario",
+    "Scenario", "ShortPeriod", "Trace", "TrimPoint", "Truth", "WallClock", "fly", "linearize", "load_aircraft", "load_scenario",
     "read_trace", "run", "short_period", "trim",
 ]  # fmt: skip
 
@@ -33,7 +34,7 @@ _LATER = {
     "Aircraft": "aircraft", "load_aircraft": "aircraft", "FlightbedError": "errors", "Metrics": "metrics",
     "Result": "mission", "fly": "mission", "run": "mission", "JsbsimAirframe": "plant.airframe", "Scenario": "scenario",
     "load_scenario": "scenario", "Estimate": "signals", "Measurement": "signals", "Sample": "signals", "Truth": "signals",
-    "Trace": "trace", "read_trace": "trace",
+    "Trace": "trace", "WallClock": "pacing", "read_trace": "trace",
 }  # fmt: skip
 
 

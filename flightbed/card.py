@@ -8,13 +8,17 @@ import numpy as np
 
 from flightbed.aircraft import Actuator
 from flightbed.metrics import at_stop
+from flightbed.pacing import Spell, late_spells
 from flightbed.settings import Failure, GustSettings, Scenario
 from flightbed.trace import Trace
+
+_MANY = 10  # spells of late ticks that the event log tells one by one
 
 
 def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
     """Return the run card, Markdown."""
     trim, condition = summary["trim"], scenario.condition
+    pace = f"- real time: {kept_pace(summary)}\n" if summary["realtime"] else ""
     estimators = "".join(
         f"| {name} | {_show(m['median_abs_error_post'], '.3f')} | {_show(m['rms_error_smoothed_post'], '.3f')} "
         f"| {_show(m['first_within_20pct_s'], '.2f')} | {_show(m['nis_mean'], '.2f')} |\n"
@@ -27,7 +31,7 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
         f"- trim: alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg\n"
         f"- law: {scenario.control.law}; {correction(scenario)}\n"
         f"- tracking RMS: {_show(summary['tracking_rms_pre_deg_s'], '.2f')} deg/s before, "
-        f"{_show(summary['tracking_rms_post_deg_s'], '.2f')} deg/s from 0.3 s after the failure\n\n"
+        f"{_show(summary['tracking_rms_post_deg_s'], '.2f')} deg/s from 0.3 s after the failure\n{pace}\n"
         f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
         f"- gusts: {'; '.join(f'at {g.at_s:g} s {_blows(g)}' for g in scenario.gusts) or 'none'}\n\n"
         f"| estimator | median abs. error | smoothed RMS error "
@@ -54,6 +58,17 @@ def outcome(summary: dict[str, Any]) -> str:
     if summary["ended"] == "ground":
         return f"hit the ground at {ended:.2f} s{after}"
     return f"flown to {summary['flown_s']:g} s"
+
+
+def kept_pace(summary: dict[str, Any]) -> str:
+    """Return in words how well a paced flight kept pace."""
+    kept, control_hz = summary["realtime"], summary["realtime"]["ticks"] / summary["flown_s"]
+    jitter, compute = ({name: _ms(value) for name, value in kept[key].items()} for key in ("jitter_ms", "compute_ms"))
+    late = f" ({kept['late_share']:.2%}), worst by {_ms(kept['worst_overrun_ms'])} ms" if kept["late_ticks"] else ""
+    return (
+        f"{kept['ticks']} ticks at {control_hz:g} Hz: {kept['late_ticks']} late{late}; "
+        f"jitter p95 {jitter['p95']}, max {jitter['max']} ms; compute p50 {compute['p50']}, p99 {compute['p99']} ms"
+    )
 
 
 def failures(scenario: Scenario) -> list[str]:
@@ -99,11 +114,28 @@ def events(
     cut = at_stop(trace, actuator)
     rising = np.flatnonzero(cut & ~np.concatenate([[False], cut[:-1]]))
     happened += [(float(trace["t_s"][i]), "elevator command at its stop", False) for i in rising]
+    happened += _late(late_spells(trace))
     if summary["ended"] == "ground":
         happened.append((summary["flown_s"], "HIT THE GROUND", True))
     if summary["departed"]:
         happened.append((summary["departed_at_s"], "DEPARTED: alpha more than 25 deg from trim", True))
     return sorted(happened)
+
+
+def _late(spells: list[Spell]) -> list[tuple[float, str, bool]]:
+    """Return the late ticks as events: one a spell, or, of many spells, a single one at the worst."""
+    if len(spells) <= _MANY:
+        return [
+            (spell.t_s, f"{spell.ticks} {'tick' if spell.ticks == 1 else 'ticks'} late, by up to {_ms(spell.worst_overrun_ms)} ms", False)
+            for spell in spells
+        ]  # fmt: skip
+    ticks, worst = sum(spell.ticks for spell in spells), max(spells, key=lambda spell: spell.worst_overrun_ms)
+    text = f"{ticks} ticks late in {len(spells)} spells, here the worst, by {_ms(worst.worst_overrun_ms)} ms"
+    return [(worst.t_s, text, False)]
+
+
+def _ms(value: float) -> str:
+    return f"{value:.2g}" if value < 10.0 else f"{value:.0f}"
 
 
 def _show(value: float | None, spec: str) -> str:

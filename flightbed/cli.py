@@ -74,6 +74,7 @@ def run(
     out: Path | None = None,
     set_: Annotated[list[str] | None, Parameter(name="--set", negative="", show_default=False)] = None,
     rerun: Literal["save", "off"] = "save",
+    realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
 ) -> None:
     """Fly one scenario and leave a folder with scenario, trace, metrics and Rerun recording.
@@ -83,15 +84,18 @@ def run(
         out: Folder to write; an earlier run in it is replaced. Without it: runs/NAME, or runs/NAME-2, ... if that exists.
         set_: KEY=VALUE, replaces one key of the scenario, as in --set failures.0.to=0.35; repeat --set for each key.
         rerun: Whether to write the Rerun recording.
+        realtime: Fly at the pace of the clock, and tell how well it was kept.
         json: Print what metrics.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
     from flightbed.mission import run as fly
+    from flightbed.pacing import WallClock
     from flightbed.scenario import load_scenario
 
     settings = load_scenario(scenario, set_ or ())
     place = out if out is not None else Path("runs") / settings.name
-    result = fly(settings, place, rerun=rerun == "save", replace=out is not None)
+    pace = WallClock() if realtime else None
+    result = fly(settings, place, rerun=rerun == "save", replace=out is not None, pace=pace)
     if json:
         print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))
     else:
@@ -253,7 +257,7 @@ def list_(family: Family | None = None, /) -> None:
 
 
 def _show(result: Result) -> None:
-    from flightbed.card import correction, failures, outcome
+    from flightbed.card import correction, failures, kept_pace, outcome
 
     summary, scenario = result.summary, result.plan.scenario
     trim = summary["trim"]
@@ -276,6 +280,7 @@ def _show(result: Result) -> None:
         f"{abs(result.trace['alpha_deg']).max():.1f} deg; at a stop {summary['elevator_at_stop_share']:.0%} of the time",
         "tracking": f"RMS of q - q_ref {_number(before)} deg/s"
         + ("" if summary["failed_at_s"] is None else f", {_number(after)} deg/s from 0.3 s after the failure"),
+        **({"real time": kept_pace(summary)} if summary["realtime"] else {}),
     }.items():
         grid.add_row(f"  {name}", text)
     _out.print(grid)

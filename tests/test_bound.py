@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flightbed import load_scenario, run
-from flightbed.bound import _bounds, bound
-from flightbed.mission import _noise
+from flightbed.assembly import sensor_noise
+from flightbed.bound import _bounds, bound, schedule_models
 
 
 def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator) -> None:
@@ -40,9 +40,10 @@ def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator)
 def test_more_data_say_more_and_a_change_begins_anew() -> None:
     result = run(load_scenario("elevator-loss", ["duration_s=8"]))
     assert result.plan.schedule is not None
-    noise = _noise(result.plan.scenario)
-    everything = bound(result.trace, result.plan.schedule, noise, control_hz=100)
-    window = bound(result.trace, result.plan.schedule, noise, control_hz=100, window=30)
+    noise = sensor_noise(result.plan.scenario)
+    models = schedule_models(result.trace, result.plan.schedule, control_hz=100)
+    everything = bound(result.trace, models, noise)
+    window = bound(result.trace, models, noise, window=30)
     assert np.all(everything <= window * (1 + 1e-9))
     assert np.all(np.diff(everything[455:]) <= 1e-12)
     assert np.isinf(everything[450]) or everything[450] < everything[451]  # at the change the old stretch still counts

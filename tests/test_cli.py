@@ -76,13 +76,16 @@ def test_errors_are_one_clear_line(tmp_path: Path, arguments: list[str], code: i
     assert_one_clear_line(arguments, code, message, cwd=tmp_path)
 
 
+@pytest.mark.parametrize("pace", [[], ["--realtime"]])
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_an_interrupted_flight_leaves_nothing(tmp_path: Path, number: signal.Signals, code: int) -> None:
+def test_an_interrupted_flight_leaves_nothing(
+    tmp_path: Path, number: signal.Signals, code: int, pace: list[str]
+) -> None:
     scratch, away = tmp_path / "scratch", tmp_path / "away"
     scratch.mkdir()
     away.mkdir()
     process = subprocess.Popen(
-        [*COMMAND, "run", "nominal", "--set", "duration_s=36000", "--out", "x"],
+        [*COMMAND, "run", "nominal", "--set", "duration_s=36000", "--out", "x", *pace],
         cwd=away, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": str(scratch)},
     )  # fmt: skip
     deadline = time.monotonic() + 120.0

@@ -84,6 +84,8 @@ class DifferentiatedRls:
         self._model, self._control = [0.0, 0.0], [0.0, 0.0]
         self._gain, self._variance = config.prior_effectiveness, config.prior_effectiveness_var
         self._smoothed = 1.0
+        if self._schedule is not None:  # compile, or load what was compiled, now and not in flight
+            pitch_model.rates(self._schedule, np.empty((2, 4)), 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
 
     def _terms(self, m: Measurement) -> tuple[float, float]:
         """Return the acceleration that the airframe has of itself, and what a fully effective elevator adds; rad/s^2."""

@@ -89,13 +89,14 @@ def _measurements(rng: np.random.Generator, design: ShortPeriod, ticks: int) -> 
     return [s.measurement for s in samples]
 
 
-@pytest.mark.parametrize("anchored", [True, False])
+@pytest.mark.parametrize("prior", ["measurement", "fixed", "corrected"])
+@pytest.mark.parametrize("input_at", ["mean", "start", "end"])
 def test_window_equals_refiltering_the_last_30_samples(
-    rng: np.random.Generator, design: ShortPeriod, anchored: bool
+    rng: np.random.Generator, design: ShortPeriod, prior: str, input_at: str
 ) -> None:
     """At every tick the bank gives what one filter gives that is started 30 samples ago."""
     config = LoopGainConfig(
-        window=30, prior_from_measurement=anchored, prior_alpha_rad=-0.025, prior_q_rad_s=-0.042, prior_alpha_var=3e-5,
+        window=30, prior_state=prior, input_at=input_at, prior_alpha_rad=-0.025, prior_q_rad_s=-0.042, prior_alpha_var=3e-5,
         prior_q_var=3e-4, prior_effectiveness=0.8, prior_effectiveness_var=0.4, q_disturbance_rad_s2=0.1,
         alpha_disturbance_rad_s=0.01, bounds=(-99.0, 99.0),
     )  # fmt: skip
@@ -107,21 +108,22 @@ def test_window_equals_refiltering_the_last_30_samples(
     model = np.column_stack([A, b, -b * design.elevator_trim_rad])
     for k in range(30, 120):
         first = measurements[k - 30]
-        x = (
-            np.array([first.alpha_rad - design.alpha_trim_rad, first.q_rad_s, 0.8])
-            if anchored
-            else np.array([-0.025, -0.042, 0.8])
-        )
-        P = np.zeros((3, 3))
-        P[:2, :2] = R if anchored else np.diag([3e-5, 3e-4])
-        P[2, 2] = 0.4
-        for m in measurements[k - 29 : k + 1]:  # the textbook filter, matrix by matrix
+        x, P, H = np.array([-0.025, -0.042, 0.8]), np.diag([3e-5, 3e-4, 0.4]), np.eye(2, 3)
+        reading = np.array([first.alpha_rad - design.alpha_trim_rad, first.q_rad_s])
+        if prior == "measurement":
+            x[:2], P[:2, :2] = reading, R
+        elif prior == "corrected":
+            weight = P[:2, :2] @ np.linalg.inv(P[:2, :2] + R)
+            x[:2] += weight @ (reading - x[:2])
+            P[:2, :2] -= weight @ P[:2, :2]
+        for before, m in zip(measurements[k - 30 : k], measurements[k - 29 : k + 1], strict=True):
+            # the textbook filter, matrix by matrix
+            u = {"mean": m.elevator_mean_rad, "start": before.elevator_rad, "end": m.elevator_rad}[input_at]
             F = np.eye(3)
-            F[:2, :2], F[:2, 2] = model[:, :2], model[:, 2] * m.elevator_mean_rad
+            F[:2, :2], F[:2, 2] = model[:, :2], model[:, 2] * u
             x = F @ x + np.append(model[:, 3], 0.0)
             P = F @ P @ F.T
             P[:2, :2] += Q
-            H = np.eye(2, 3)
             S = H @ P @ H.T + R
             gain = np.linalg.solve(S, H @ P).T
             x = x + gain @ (np.array([m.alpha_rad - design.alpha_trim_rad, m.q_rad_s]) - H @ x)
@@ -206,13 +208,13 @@ def test_defaults_of_class_and_scenario_are_one() -> None:
 
 def test_every_setting_of_a_scenario_reaches_the_filter() -> None:
     settings = EstimatorSettings(
-        name="x", model="short-period", input="deviation", memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2),
+        name="x", model="short-period", input="deviation", input_at="end", memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2),
         alpha_disturbance_deg_s=0.3, q_disturbance_deg_s2=4.0,
-        prior=Prior(state="fixed", alpha_deg=-1.4, q_deg_s=-2.4, alpha_std_deg=0.3, q_std_deg_s=2.0, effectiveness=0.8, effectiveness_std=0.5),
+        prior=Prior(state="fixed", first_reading="used", alpha_deg=-1.4, q_deg_s=-2.4, alpha_std_deg=0.3, q_std_deg_s=2.0, effectiveness=0.8, effectiveness_std=0.5),
     )  # fmt: skip
     assert loop_gain_config(settings) == LoopGainConfig(
         memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2), absolute=False,
-        alpha_disturbance_rad_s=0.3 * DEG, q_disturbance_rad_s2=4.0 * DEG, prior_from_measurement=False,
+        alpha_disturbance_rad_s=0.3 * DEG, q_disturbance_rad_s2=4.0 * DEG, input_at="end", prior_state="corrected",
         prior_alpha_rad=-1.4 * DEG, prior_q_rad_s=-2.4 * DEG, prior_alpha_var=(0.3 * DEG) ** 2, prior_q_var=(2.0 * DEG) ** 2,
         prior_effectiveness=0.8, prior_effectiveness_var=0.25,
     )  # fmt: skip

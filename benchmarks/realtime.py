@@ -1,0 +1,85 @@
+"""How well a paced flight keeps to the wall clock: alone, and with every core kept busy by other processes.
+
+    python benchmarks/realtime.py [--scenario elevator-loss] [--set KEY=VALUE ...] [--rounds 5] [--spin-us 200 ...]
+
+The cases are flown in turn, so that a change of the machine's mood meets all of them; medians over the rounds are printed with the
+range. ``--spin-us`` compares how long a wait spins before its end. ``collections`` counts runs of the garbage collector in flight. On a
+machine that others use too, "alone" is not: the load average before the first flight, which should be near 0, is printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import statistics
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from flightbed.mission import run
+from flightbed.pacing import WallClock
+from flightbed.scenario import Scenario, load_scenario
+
+
+@contextmanager
+def _busy(processes: int) -> Iterator[None]:
+    """Keep so many cores busy."""
+    started = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
+    try:
+        yield
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def _fly(scenario: Scenario, spin_ns: int, busy: int) -> dict[str, Any]:
+    """Fly once; returns what metrics.json says of the pace, and how often garbage was collected meanwhile."""
+    collected = []
+
+    def collecting(phase: str, _: dict[str, int]) -> None:
+        if phase == "start" and gc.get_freeze_count():  # the heap is set aside: the flight is on
+            collected.append(1)
+
+    gc.callbacks.append(collecting)
+    with _busy(busy):
+        kept: dict[str, Any] = run(scenario, pace=WallClock(spin_ns)).summary["realtime"]
+    gc.callbacks.remove(collecting)
+    return {**kept, "collections": len(collected)}
+
+
+def _spread(values: list[float], spec: str) -> str:
+    return f"{statistics.median(values):{spec}} ({min(values):{spec}} to {max(values):{spec}})"
+
+
+def measure(scenario: Scenario, rounds: int, spins_us: list[int]) -> None:
+    cases = [(spin, busy) for spin in spins_us for busy in (0, os.cpu_count() or 1)]
+    print(f"load average before: {os.getloadavg()[0]:.2f} on {os.cpu_count()} cores")
+    flown: dict[tuple[int, int], list[dict[str, Any]]] = {case: [] for case in cases}
+    for _ in range(rounds):
+        for spin, busy in cases:
+            flown[spin, busy].append(_fly(scenario, spin * 1000, busy))
+    print(f"{scenario.name}, {scenario.ticks} ticks at {scenario.rates.control_hz} Hz; median and range of {rounds}")
+    for (spin, busy), kept in flown.items():
+        print(f"{f'{busy} busy processes' if busy else 'alone'}, spinning {spin} us")
+        print(f"  late ticks        {_spread([k['late_ticks'] for k in kept], '.0f')}")
+        print(f"  worst overrun, ms {_spread([k['worst_overrun_ms'] or 0.0 for k in kept], '.2f')}")
+        for key, name in (("jitter_ms", "jitter"), ("compute_ms", "compute")):
+            for percentile in ("p50", "p95", "p99", "max"):
+                label = f"{name} {percentile}, ms"
+                print(f"  {label:<17} {_spread([k[key][percentile] for k in kept], '.4f')}")
+        print(f"  achieved, Hz      {_spread([k['achieved_hz'] for k in kept], '.4f')}")
+        print(f"  collections       {_spread([k['collections'] for k in kept], '.0f')}")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenario", default="elevator-loss")
+    parser.add_argument("--set", action="append", default=[])
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--spin-us", type=int, nargs="+", default=[200])
+    arguments = parser.parse_args()
+    measure(load_scenario(arguments.scenario, arguments.set), arguments.rounds, arguments.spin_us)
