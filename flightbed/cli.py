@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 from cyclopts import App, CycloptsError, Parameter
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from flightbed.errors import FlightbedError, OutputError
+from flightbed.errors import FlightbedError, InputError, OutputError
 
 if TYPE_CHECKING:
+    from flightbed.document import Document
     from flightbed.mission import Result
 
 INTERRUPTED = 130
@@ -223,6 +225,73 @@ def _deliver(content: bytes, output: Path | None) -> None:
     sys.stdout.buffer.flush()
 
 
+@app.command
+def reproduce(
+    study: str,
+    /,
+    *,
+    runs: Annotated[int | None, Parameter(show_default=False)] = None,
+    out: Path | None = None,
+    workers: Annotated[int | None, Parameter(show_default=False)] = None,
+    json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+) -> None:
+    """Recompute a published study, ours beside the printed values, and leave a folder with report and results.
+
+    Args:
+        study: A name; see `flightbed list studies`.
+        runs: Flights of each case; without it, as many as the study takes.
+        out: Folder to write; an earlier study in it is replaced. Without it: studies/NAME, or studies/NAME-2, ... if that exists.
+        workers: Processes that fly, all cores without it; the results do not depend on it.
+        json: Print what results.json holds, and the folder, as JSON and nothing else on stdout.
+
+    """
+    from flightbed import ensemble, folder, registry
+    from flightbed.studies.base import reproduce as recompute
+
+    chosen = registry.factory("studies", study)()
+    for option, value in (("--runs", runs), ("--workers", workers)):
+        if value is not None and value < 1:
+            raise InputError(f"{option}: must be at least 1 (got {value})")
+    place = out if out is not None else Path("studies") / study
+    target = folder.check_target(place, replace=out is not None, files=folder.STUDY_FILES)
+    bar = Progress(
+        TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=Console(stderr=True), transient=True
+    )  # fmt: skip
+    with bar, ensemble.processes(workers) as executor:
+        task = bar.add_task("", total=None)
+        document = recompute(
+            chosen,
+            runs or chosen.runs,
+            executor=executor,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    written = folder.write_study(document, target, replace=out is not None)
+    if json:
+        print(json_module.dumps({**document.to_dict(), "folder": str(written)}, indent=2))
+    else:
+        _show_study(document, written)
+
+
+def _show_study(document: Document, written: Path) -> None:
+    table, claims = document.tables()[0], document.claims()
+    _out.print(f"[bold]{escape(document.title)}[/bold]")
+    grid = Table(box=None, header_style="dim", padding=(0, 1))
+    for column in table.columns:
+        grid.add_column(column, no_wrap=True)
+    for row in table.rows:
+        grid.add_row(*(escape(cell) for cell in table.shown(row)))
+    _out.print(grid)
+    _out.print(f"  [dim]{escape(table.note)}[/dim]")
+    for claim in claims:
+        verdict = "[green]holds[/green]   " if claim.holds else "[red]does not[/red]"
+        _out.print(f"  {verdict} {escape(claim.text)}", soft_wrap=True)
+    facts = document.facts
+    _out.print(
+        f"  {facts['flights']} flights in {facts['wall_time_s']:.0f} s; {len(document.pictures())} figures; written to {escape(str(written))}",
+        soft_wrap=True,
+    )
+
+
 Family = Literal["aircraft", "scenarios", "estimators", "laws", "failures", "commands", "studies"]
 
 
@@ -243,8 +312,6 @@ def list_(family: Family | None = None, /) -> None:
             return [(name, load_flyable(name).description) for name in data.names("aircraft")]
         if family == "scenarios":
             return [(name, load_scenario(name).description) for name in data.names("scenario")]
-        if family == "studies":  # none yet
-            return []
         return [(name, registry.summary(family, name)) for name in registry.names(family)]
 
     for name in [family] if family else ["aircraft", "scenarios", *registry.FAMILIES]:

@@ -1,4 +1,4 @@
-"""A run's folder: written whole or not at all."""
+"""Folders of runs and of studies: written whole or not at all."""
 
 from __future__ import annotations
 
@@ -6,21 +6,31 @@ import errno
 import hashlib
 import json
 import tempfile
+from collections.abc import Callable, Collection
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flightbed.card import events, run_card
 from flightbed.errors import OutputError
 
 if TYPE_CHECKING:
+    from flightbed.document import Document
     from flightbed.mission import Result
 
-_FILES = ("scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html")
+RUN_FILES = frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"})
+STUDY_FILES = frozenset({"report.html", "results.json"})
 
 
-def check_target(target: Path, *, replace: bool) -> Path:
-    """Refuse a target that would lose something, and one that cannot be written, before flying."""
+def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FILES) -> Path:
+    """Refuse a target that would lose something, and one that cannot be written, before flying.
+
+    Args:
+        target: the folder.
+        replace: whether a folder of that name is to be replaced; only one that holds nothing but ``files`` is.
+        files: what folders of this kind hold.
+
+    """
     try:
         target = target.resolve() if target.is_symlink() else target
         if Path.cwd().is_relative_to(target.absolute()):
@@ -28,9 +38,11 @@ def check_target(target: Path, *, replace: bool) -> Path:
         if replace and target.exists() and not target.is_dir():
             raise OutputError(f"--out {target}: is a file; name a folder")
         if replace and target.is_dir():
-            strangers = sorted(p.name for p in target.iterdir() if p.name not in _FILES)
+            strangers = sorted(p.name for p in target.iterdir() if p.name not in files)
             if strangers:
-                raise OutputError(f"--out {target}: holds '{strangers[0]}', which is not from a run; name a new folder")
+                raise OutputError(
+                    f"--out {target}: holds '{strangers[0]}', which is not from a {'study' if files is STUDY_FILES else 'run'}; name a new folder"
+                )
         parent = next(p for p in target.absolute().parents if p.exists())
         tempfile.TemporaryDirectory(dir=parent, prefix=".flightbed-").cleanup()
     except OSError as error:
@@ -39,7 +51,35 @@ def check_target(target: Path, *, replace: bool) -> Path:
 
 
 def write_run(result: Result, target: Path, *, rerun: bool, replace: bool) -> Path:
-    """Write beside the target and move into place: the folder appears whole or not at all. Returns where it went."""
+    """Write the folder of a run; returns where it went."""
+
+    def write(new: Path) -> None:
+        (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
+        (new / "metrics.json").write_text(_json(result.summary), encoding="utf-8")
+        result.trace.write(new / "trace.parquet")
+        if rerun:
+            _record(result, new / "flight.rrd")
+
+    return _write(target, write, replace=replace)
+
+
+def write_study(document: Document, target: Path, *, replace: bool) -> Path:
+    """Write the folder of a study, its page and its numbers; returns where it went."""
+    from flightbed.page import render
+
+    def write(new: Path) -> None:
+        (new / "report.html").write_text(render(document), encoding="utf-8")
+        (new / "results.json").write_text(_json(document.to_dict()), encoding="utf-8")
+
+    return _write(target, write, replace=replace)
+
+
+def _json(values: dict[str, Any]) -> str:
+    return json.dumps(values, indent=2, allow_nan=False) + "\n"
+
+
+def _write(target: Path, write: Callable[[Path], None], *, replace: bool) -> Path:
+    """Write beside the target and move into place: the folder appears whole or not at all."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(
@@ -47,13 +87,7 @@ def write_run(result: Result, target: Path, *, rerun: bool, replace: bool) -> Pa
         ) as scratch:
             new = Path(scratch) / "new"
             new.mkdir()
-            (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
-            (new / "metrics.json").write_text(
-                json.dumps(result.summary, indent=2, allow_nan=False) + "\n", encoding="utf-8"
-            )
-            result.trace.write(new / "trace.parquet")
-            if rerun:
-                _record(result, new / "flight.rrd")
+            write(new)
             if not replace:
                 return _first_free(target, new)
             _replace(target, new, Path(scratch) / "old")

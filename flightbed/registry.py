@@ -1,7 +1,8 @@
-"""Names in a scenario -> the code behind them: a built-in table, and entry points of installed packages.
+"""Names in a scenario or on the command line -> the code behind them: a built-in table, and entry points of installed packages.
 
 A package adds its own by an entry point in the group ``flightbed.estimators`` (or ``laws``, ``commands``, ``failures``)
-that names a factory with the signature of the built-in ones in ``factories.py``.
+that names a factory with the signature of the built-in ones in ``factories.py``; in ``flightbed.studies``, one without arguments that
+returns a ``studies.base.Study``.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ _BUILT_IN = MappingProxyType(
             "cg-shift": "cg_shift",
         },
         "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls"},
+        "studies": {"sillence": "flightbed.studies.sillence.study:sillence"},
     }
 )
 
@@ -49,12 +51,13 @@ def names(family: str) -> tuple[str, ...]:
 def factory(family: str, name: str) -> Callable[..., Any]:
     """Return the factory behind a name. Raises UnknownNameError."""
     if name in _BUILT_IN[family]:
-        built_in: Callable[..., Any] = getattr(import_module("flightbed.factories"), _BUILT_IN[family][name])
+        module, _, attribute = _BUILT_IN[family][name].rpartition(":")
+        built_in: Callable[..., Any] = getattr(import_module(module or "flightbed.factories"), attribute)
         return built_in
     if name in _installed(family):
         loaded: Callable[..., Any] = _installed(family)[name].load()
         return loaded
-    raise UnknownNameError(family.removesuffix("s"), name, names(family))
+    raise UnknownNameError("study" if family == "studies" else family.removesuffix("s"), name, names(family))
 
 
 def summary(family: str, name: str) -> str:

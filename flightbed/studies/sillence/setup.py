@@ -69,32 +69,32 @@ def thesis(
     noise: tuple[float, float] = (0.03, 0.1108),
     estimators: Sequence[Mapping[str, Any]] = (),
     setup: Setup = DEFAULT,
-    **tables: Mapping[str, Any],
+    **tables: Mapping[str, Any] | Sequence[Any],
 ) -> Scenario:
     """Return a scenario of the thesis.
 
     Args:
-        left: K after the failure; None for no failure.
+        left: K after the failure; None for no failure but those of a table.
         at_s: time of the failure.
         law: name of the law.
         adapts: name of the estimator that the law is corrected by; empty for the fixed law.
         noise: standard deviations of alpha, deg, and pitch rate, deg/s.
         estimators: settings; without, the thesis's two filters, unbounded.
         setup: what the thesis leaves open.
-        tables: further tables of the scenario; keys replace those of the shipped one.
+        tables: further tables of the scenario; keys replace those of the shipped one, lists the whole list.
 
     """
     given = list(estimators) or [estimator(WINDOW, "window", setup), estimator(EXPANDING, "expanding", setup)]
     raw = dict(_raw())
-    settings: dict[str, Mapping[str, Any]] = {
+    settings: dict[str, Mapping[str, Any] | Sequence[Any]] = {
+        "failures": [] if left is None else [{"kind": "effectiveness", "at_s": at_s, "to": left}],
         "command": {"start_s": setup.start_s},
         "sensors": {"alpha_std_deg": noise[0], "q_std_deg_s": noise[1]},
         "control": {"law": law, "state_from": adapts if setup.fed_back == "estimate" else ""},
         "adaptation": {"enabled": bool(adapts), "estimator": adapts},
     }
     for table, keys in (*settings.items(), *tables.items()):
-        raw[table] = {**raw.get(table, {}), **keys}
-    raw["failures"] = [] if left is None else [{"kind": "effectiveness", "at_s": at_s, "to": left}]
+        raw[table] = {**raw.get(table, {}), **keys} if isinstance(keys, Mapping) else keys
     return load_scenario({**raw, "estimators": given})
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -10,15 +10,15 @@ import numpy as np
 
 from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
-from flightbed.document import Section, Table
+from flightbed.document import Section, Table, show
 from flightbed.ensemble import Flown, Job
 from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.metrics import snr_db
 from flightbed.settings import GainSettings
 from flightbed.statistics import rank, spread
-from flightbed.studies.base import Flights, Part
+from flightbed.studies.base import Flights, Part, keyed
 from flightbed.studies.sillence import printed
-from flightbed.studies.sillence.setup import EXPANDING, WINDOW, thesis
+from flightbed.studies.sillence.setup import ENTRY_TOLERANCE_S, EXPANDING, FINAL_TOLERANCE, WINDOW, thesis
 
 LAWS = ("proportional", "proportional-integral")
 
@@ -182,3 +182,47 @@ def _table_5(law: str, flown: Any) -> Table:
         f"table_5_{law}", f"Table 5: moving window of 30 samples, time to within 20 % of K_1, {law} law", columns, _rows(law, flown, cells),
         {"K_1": "g", **dict.fromkeys(columns[1:], ".2f")},
     )  # fmt: skip
+
+
+def glance(runs: int) -> Part:
+    """Put every printed number of the tables beside ours."""
+    jobs = {left: Job(thesis(left=left), runs) for left in printed.GAINS_LEFT}
+
+    def build(flown: Mapping[float, list[Flown]]) -> Section:
+        rows: list[list[Any]] = []
+        for table in (table_1(), *eigenvalue_tables()):
+            same = sum(row[-1] == "yes" for row in table.rows)
+            what = f"Table {table.key[-1]}, {'SNR' if table.key == 'table_1' else 'eigenvalues'}"
+            rows.append(
+                [
+                    what,
+                    f"{len(table.rows)} numbers",
+                    f"{same} to all digits",
+                    None,
+                    "yes" if same == len(table.rows) else "no",
+                ]
+            )
+        kinds: tuple[tuple[str, str, str, float], ...] = (
+            ("Table 4, final K-hat", EXPANDING, "final", FINAL_TOLERANCE),
+            ("Table 5, raw, s", WINDOW, "first_within_20pct_s", ENTRY_TOLERANCE_S),
+            ("Table 5, smoothed, s", WINDOW, "first_within_20pct_smoothed_s", ENTRY_TOLERANCE_S),
+        )
+        for column, (what, name, metric, tolerance) in enumerate(kinds):
+            for left, flights in flown.items():
+                text = printed.TABLE_4[left][0] if column == 0 else printed.TABLE_5[left][column - 1]
+                values = _metric(flights, name, metric)
+                found = spread(values)
+                spec = ".4f" if column == 0 else ".2f"
+                near = "yes" if abs(found.median - text) <= tolerance else "no"
+                rows.append(
+                    [f"{what}, K_1 = {left:g}", format(text, spec), show(found, spec), rank(values, text), near]
+                )
+        table = Table(
+            "glance", "Printed and computed", ("number", "printed", "ours", "rank", "agrees"), rows, {"rank": ".2f"},
+            note=f"Ours: median [5 %, 95 %] over {runs} noise draws, P law. Rank: share of the draws below the print; 0 and 1 say that "
+            "noise "
+            f"alone does not make the difference. Agrees: all digits, or the median within {FINAL_TOLERANCE} of K, {ENTRY_TOLERANCE_S} s.",
+        )  # fmt: skip
+        return Section("At a glance", [], [table])
+
+    return keyed(jobs, build)

@@ -1,0 +1,155 @@
+"""Beyond the thesis, (f) and (g): the loop in real time; straight and level flight, with dither and without."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from flightbed import drawing
+from flightbed.document import Cell, Picture, Section, Table
+from flightbed.ensemble import Flown, Job
+from flightbed.mission import run
+from flightbed.pacing import WallClock
+from flightbed.scenario import load_scenario
+from flightbed.statistics import share, spread
+from flightbed.studies.base import Flights, Part, keyed
+from flightbed.studies.sillence import plots
+from flightbed.studies.sillence.plots import BASIC, TIME
+
+SCHEDULED, SHORT = "scheduled", "short-period"
+_CASES: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "normal c.g., no dither": ("level-loss", ()),
+        "normal c.g., dither 0.5 deg/s": ("level-loss", ("command.kind=dither", "command.amplitude_deg_s=0.5")),
+        "no elevator at trim, no dither": ("dithered-level", ("command.kind=none",)),
+        "no elevator at trim, dither 0.1 deg/s": ("dithered-level", ("command.amplitude_deg_s=0.1",)),
+        "no elevator at trim, dither 0.5 deg/s": ("dithered-level", ()),
+        "no elevator at trim, dither 1 deg/s": ("dithered-level", ("command.amplitude_deg_s=1.0",)),
+    }
+)
+_QUIET, _DITHERED = "no elevator at trim, no dither", "no elevator at trim, dither 0.5 deg/s"
+_HEARD = tuple(f"{n}.{c}" for n in (SCHEDULED, SHORT) for c in ("effectiveness", "effectiveness_smoothed"))
+
+
+def level(runs: int) -> Part:
+    """Fly straight and level, with and without dither, where the trimmed elevator tells of K and where it does not."""
+    jobs = {
+        case: Job(load_scenario(name, overrides), runs, (*BASIC, "nz_g", *_HEARD))
+        for case, (name, overrides) in _CASES.items()
+    }
+
+    def build(flown: Mapping[str, list[Flown]]) -> Section:
+        return Section(
+            "(g) Straight and level",
+            [
+                "In the thesis's form of the model, in deviations from trim, level flight holds nothing that K acts on: hence its call for "
+                "dither. The aircraft has more to tell. It is trimmed by a deflection, K scales all of it, and when K drops the nose "
+                "moves: with the absolute input K is found at once, without any dither.",
+                "Only where that deflection is near zero, here by a c.g. 5.7 % of the chord further aft, does the argument of the thesis "
+                "hold. There a dither of half a degree a second does it; the load factor that the pilot feels of it is in the table.",
+            ],
+            [_table(flown), _picture(flown)],
+        )
+
+    return keyed(jobs, build)
+
+
+def _table(flown: Mapping[str, list[Flown]]) -> Table:
+    rows: list[list[Cell]] = []
+    for case, flights in flown.items():
+        for name, word in ((SCHEDULED, "scheduled, absolute"), (SHORT, "short period, deviation")):
+            m = [f.metrics.estimators[name] for f in flights]
+            rows.append([
+                case, word, spread([x.median_abs_error_post for x in m]), spread([x.first_within_20pct_smoothed_s for x in m]),
+                spread([x.std_pre for x in m]), spread([_felt(f) for f in flights]),
+                share(sum(f.metrics.departed for f in flights), len(flights)),
+            ])  # fmt: skip
+    columns = (
+        "case",
+        "filter",
+        "median error of K-hat",
+        "smoothed in 20 %, s",
+        "scatter before",
+        "felt before, g RMS",
+        "departed",
+    )
+    return Table(
+        "level", "F-16 in level flight, K_1 = 0.2, adapted by the scheduled estimator", columns, rows,
+        dict(zip(columns[2:], (".3f", ".2f", ".3f", ".4f", ".2f"), strict=True)),
+        note=f"{len(next(iter(flown.values())))} flights each: median [5 %, 95 %]; departed: share with its 95 % interval. Scatter: "
+        "standard "
+        "deviation of K-hat before the failure; felt: RMS of n_z - 1 from 0.3 s to the failure.",
+    )  # fmt: skip
+
+
+def _felt(flown: Flown) -> float:
+    t, nz = flown.columns[TIME], flown.columns["nz_g"]
+    return float(np.sqrt(np.mean((nz[(t > 0.3) & (t < 4.5 - 1e-9)] - 1.0) ** 2)))
+
+
+def _picture(flown: Mapping[str, list[Flown]]) -> Picture:
+    facts = []
+    with drawing.canvas(2, height=1.9) as (axes, svg):
+        for axis, case in zip(axes, (_QUIET, _DITHERED), strict=True):
+            flight, column = flown[case][0], f"{SCHEDULED}.effectiveness"
+            lines = [(column, "scheduled", drawing.OTHER), (f"{column}_smoothed", "smoothed", drawing.ACTUAL)]
+            plots.gain(axis, flight, lines, band=0.2)
+            axis.set_title(case, fontsize=9)
+            facts.append(plots.error_words(flight, f"{column}_smoothed", case))
+        drawn = drawing.distinct(svg(), "level")
+    return Picture(
+        "level",
+        "F-16 trimmed without elevator: K without and with dither",
+        drawn,
+        "K_1 = 0.2, seed 0.",
+        " ".join(facts),
+    )
+
+
+def real_time(scenario: str = "elevator-loss", overrides: tuple[str, ...] = ()) -> Part:
+    """Fly once at the pace of the clock, when all else has been flown."""
+
+    def build(_flights: Flights) -> Section:
+        flown = run(load_scenario(scenario, overrides), pace=WallClock())
+        kept = flown.summary["realtime"]
+        return Section(
+            "(f) Real time",
+            [
+                "The same loop on the same aircraft, ticks released by the computer's monotonic clock at 100 Hz: `flightbed run "
+                f"{scenario} --realtime`. A tick is late if its work, recording included, is not done when the next is due; late ticks "
+                "are counted, and none is left out. The figures are this computer's, at the time of this report.",
+            ],
+            [_kept(scenario, kept), _slack(flown.trace["t_s"], flown.trace)],
+        )
+
+    return Part([], build)
+
+
+def _kept(scenario: str, kept: Mapping[str, Any]) -> Table:
+    rows: list[list[Cell]] = [
+        ["ticks", float(kept["ticks"])], ["late ticks", float(kept["late_ticks"])], ["worst overrun, ms", kept["worst_overrun_ms"]],
+        *([f"{name} {p}, ms", kept[key][p]] for key, name in (("jitter_ms", "begins late,"), ("compute_ms", "computes,"))
+          for p in kept[key]),
+        ["achieved, Hz", kept["achieved_hz"]],
+    ]  # fmt: skip
+    return Table("real_time", f"{scenario} at the pace of the clock", ("quantity", "value"), rows, {"value": ".4g"})
+
+
+def _slack(t: Any, trace: Any) -> Picture:
+    with drawing.canvas(1, height=2.0) as ((axis,), svg):
+        axis.plot(t, trace["compute_ms"], color=drawing.ACTUAL, linewidth=0.6, label="computing")
+        axis.plot(t, trace["release_late_ms"], color=drawing.COMMAND, linewidth=0.6, label="beginning late")
+        axis.axhline(10.0, color=drawing.FAILURE, linestyle="--", label="period")
+        axis.set_yscale("log")
+        axis.set_ylim(1e-4, 30.0)
+        axis.set_ylabel("ms")
+        axis.set_xlabel("time, s")
+        axis.legend(loc="upper right", ncols=3)
+        drawn = drawing.distinct(svg(), "real-time")
+    busy = float(np.median(trace["compute_ms"]) / 10.0)
+    return Picture(
+        "real-time", "Every tick's delay and computing time", drawn, "", f"Median load {busy:.1%} of the period."
+    )
