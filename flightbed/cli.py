@@ -6,23 +6,18 @@ import json as json_module
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
+from typing import Annotated, Literal, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from flightbed.errors import FlightbedError, InputError, OutputError
-
-if TYPE_CHECKING:
-    from flightbed.document import Document
-    from flightbed.mission import Result
 
 INTERRUPTED = 130
 
@@ -60,6 +55,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the flush at exit complains
         code = 0
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _print(lines: Iterable[RenderableType]) -> None:
+    for line in lines:
+        _out.print(line, soft_wrap=isinstance(line, str))
 
 
 def _fail(message: str, code: int) -> int:
@@ -101,7 +101,9 @@ def run(
     if json:
         print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))
     else:
-        _show(result)
+        from flightbed.screen import run_lines
+
+        _print(run_lines(result))
 
 
 @app.command
@@ -269,27 +271,9 @@ def reproduce(
     if json:
         print(json_module.dumps({**document.to_dict(), "folder": str(written)}, indent=2))
     else:
-        _show_study(document, written)
+        from flightbed.screen import study_lines
 
-
-def _show_study(document: Document, written: Path) -> None:
-    table, claims = document.tables()[0], document.claims()
-    _out.print(f"[bold]{escape(document.title)}[/bold]")
-    grid = Table(box=None, header_style="dim", padding=(0, 1))
-    for column in table.columns:
-        grid.add_column(column, no_wrap=True)
-    for row in table.rows:
-        grid.add_row(*(escape(cell) for cell in table.shown(row)))
-    _out.print(grid)
-    _out.print(f"  [dim]{escape(table.note)}[/dim]")
-    for claim in claims:
-        verdict = "[green]holds[/green]   " if claim.holds else "[red]does not[/red]"
-        _out.print(f"  {verdict} {escape(claim.text)}", soft_wrap=True)
-    facts = document.facts
-    _out.print(
-        f"  {facts['flights']} flights in {facts['wall_time_s']:.0f} s; {len(document.pictures())} figures; written to {escape(str(written))}",
-        soft_wrap=True,
-    )
+        _print(study_lines(document, written))
 
 
 Family = Literal["aircraft", "scenarios", "estimators", "laws", "failures", "commands", "studies"]
@@ -321,61 +305,3 @@ def list_(family: Family | None = None, /) -> None:
         width = max((len(entry) for entry, _ in entries), default=0)
         for entry, text in entries:
             _out.print(f"{'' if family else '  '}{entry:<{width}}  {escape(text)}", soft_wrap=True)
-
-
-def _show(result: Result) -> None:
-    from flightbed.card import correction, failures, kept_pace, outcome
-
-    summary, scenario = result.summary, result.plan.scenario
-    trim = summary["trim"]
-    poles = ", ".join(f"{re:+.2f}{f'{im:+.2f}j' if im else ''}" for re, im in summary["short_period"]["poles_rad_s"])
-    gains = ", ".join(f"{name} {value:.3g}" for name, value in summary["gains"].items() if value)
-    before, after = summary["tracking_rms_pre_deg_s"], summary["tracking_rms_post_deg_s"]
-    color = "green" if summary["ended"] == "time" else "red"
-    _out.print(f"[bold]{scenario.name}[/bold]: {escape(scenario.description)}")
-    grid = Table.grid(padding=(0, 1))
-    grid.add_column(style="dim", no_wrap=True)
-    grid.add_column()
-    for name, text in {
-        "condition": f"{result.plan.aircraft.name}, Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft",
-        "trim": f"alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg, residual {trim['residual']:.0e}",
-        "poles": f"{poles} rad/s, short period, open loop",
-        "law": f"{scenario.control.law}, {correction(scenario)}",
-        "gains": gains,
-        "failures": "; ".join(failures(scenario)) or "none",
-        "outcome": f"[bold {color}]{outcome(summary)}[/bold {color}]; |alpha| up to "
-        f"{abs(result.trace['alpha_deg']).max():.1f} deg; at a stop {summary['elevator_at_stop_share']:.0%} of the time",
-        "tracking": f"RMS of q - q_ref {_number(before)} deg/s"
-        + ("" if summary["failed_at_s"] is None else f", {_number(after)} deg/s from 0.3 s after the failure"),
-        **({"real time": kept_pace(summary)} if summary["realtime"] else {}),
-    }.items():
-        grid.add_row(f"  {name}", text)
-    _out.print(grid)
-    if summary["estimators"]:
-        _out.print(_estimates(summary))
-    _out.print(
-        f"  {summary['flown_s']:g} s flown in {summary['wall_time_s']:.2f} s; written to {escape(str(result.folder))}",
-        soft_wrap=True,
-    )
-
-
-def _estimates(summary: dict[str, Any]) -> Table:
-    table = Table(box=None, header_style="dim", padding=(0, 1))
-    for heading in ("  estimator", "K at end", "median", "smoothed,", "first in", "smoothed", "NIS"):
-        table.add_column(heading, justify="left" if "estimator" in heading else "right", no_wrap=True)
-    table.add_row("", "", "|error|", "RMS error", "+-20 %", "in +-20 %", "(2 is right)", style="dim")
-    for name, m in summary["estimators"].items():
-        table.add_row(
-            f"  {name}",
-            _number(m["final"], ".3f"),
-            _number(m["median_abs_error_post"], ".3f"),
-            _number(m["rms_error_smoothed_post"], ".3f"),
-            _number(m["first_within_20pct_s"], ".2f", " s"),
-            _number(m["first_within_20pct_smoothed_s"], ".2f", " s"),
-            _number(m["nis_mean"]),
-        )
-    return table
-
-
-def _number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
-    return "-" if value is None else format(value, spec) + unit

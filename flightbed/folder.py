@@ -40,8 +40,9 @@ def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FI
         if replace and target.is_dir():
             strangers = sorted(p.name for p in target.iterdir() if p.name not in files)
             if strangers:
+                kind = "study" if files is STUDY_FILES else "run"
                 raise OutputError(
-                    f"--out {target}: holds '{strangers[0]}', which is not from a {'study' if files is STUDY_FILES else 'run'}; name a new folder"
+                    f"--out {target}: holds '{strangers[0]}', which is not from a {kind}; name a new folder"
                 )
         parent = next(p for p in target.absolute().parents if p.exists())
         tempfile.TemporaryDirectory(dir=parent, prefix=".flightbed-").cleanup()

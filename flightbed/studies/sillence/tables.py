@@ -197,25 +197,25 @@ def glance(runs: int) -> Part:
                 [
                     what,
                     f"{len(table.rows)} numbers",
-                    f"{same} to all digits",
+                    f"{same} with all digits",
                     None,
                     "yes" if same == len(table.rows) else "no",
                 ]
             )
         kinds: tuple[tuple[str, str, str, float], ...] = (
-            ("Table 4, final K-hat", EXPANDING, "final", FINAL_TOLERANCE),
-            ("Table 5, raw, s", WINDOW, "first_within_20pct_s", ENTRY_TOLERANCE_S),
-            ("Table 5, smoothed, s", WINDOW, "first_within_20pct_smoothed_s", ENTRY_TOLERANCE_S),
+            ("Table 4, final", EXPANDING, "final", FINAL_TOLERANCE),
+            ("Table 5, raw", WINDOW, "first_within_20pct_s", ENTRY_TOLERANCE_S),
+            ("Table 5, smoothed", WINDOW, "first_within_20pct_smoothed_s", ENTRY_TOLERANCE_S),
         )
         for column, (what, name, metric, tolerance) in enumerate(kinds):
             for left, flights in flown.items():
                 text = printed.TABLE_4[left][0] if column == 0 else printed.TABLE_5[left][column - 1]
                 values = _metric(flights, name, metric)
                 found = spread(values)
-                spec = ".4f" if column == 0 else ".2f"
+                spec, unit = (".4f", "") if column == 0 else (".2f", " s")
                 near = "yes" if abs(found.median - text) <= tolerance else "no"
                 rows.append(
-                    [f"{what}, K_1 = {left:g}", format(text, spec), show(found, spec), rank(values, text), near]
+                    [f"{what}, K_1 = {left:g}", format(text, spec) + unit, show(found, spec), rank(values, text), near]
                 )
         table = Table(
             "glance", "Printed and computed", ("number", "printed", "ours", "rank", "agrees"), rows, {"rank": ".2f"},
