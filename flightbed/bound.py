@@ -37,11 +37,15 @@ def _bounds(models: Array, u: Array, first: Array, r: Array) -> Array:
     """
     T = models.shape[0]
     out = np.full(T, np.inf)
+    S, J = np.zeros((2, 3)), np.zeros((3, 3))
     for k in range(T):
-        S = np.zeros((2, 3))
-        S[0, 0], S[1, 1] = 1.0, 1.0
-        J = np.zeros((3, 3))
-        for j in range(int(first[k]), k + 1):
+        begin = int(first[k])
+        if k > 0 and first[k] == first[k - 1]:  # the same stretch, one sample more
+            begin = k
+        else:
+            S[:], J[:] = 0.0, 0.0
+            S[0, 0], S[1, 1] = 1.0, 1.0
+        for j in range(begin, k + 1):
             if j > int(first[k]):
                 S = np.ascontiguousarray(models[j, :, :2]) @ S
                 S[0, 2] += models[j, 0, 2] * u[j]
