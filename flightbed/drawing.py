@@ -53,8 +53,8 @@ def canvas(
 
 def distinct(svg: str, key: str) -> str:
     """Return an SVG whose ids start with a key, so that several can stand on one page."""
-    svg = re.sub(r'id="', f'id="{key}-', svg)
-    return re.sub(r"(#)([A-Za-z][\w.-]*)(?=[\")])", rf"\1{key}-\2", svg)
+    svg = re.sub(r'\bid="', f'id="{key}-', svg)
+    return re.sub(r'(url\(#|href="#)', rf"\g<1>{key}-", svg)
 
 
 def mark(axes: Axes, at_s: float | None, **style: Any) -> None:
