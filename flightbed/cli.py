@@ -256,9 +256,9 @@ def reproduce(
             raise InputError(f"{option}: must be at least 1 (got {value})")
     place = out if out is not None else Path("studies") / study
     target = folder.check_target(place, replace=out is not None, files=folder.STUDY_FILES)
-    bar = Progress(
-        TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=Console(stderr=True), transient=True
-    )  # fmt: skip
+    screen = Console(stderr=True)
+    columns = (TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    bar = Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
     with bar, ensemble.processes(workers) as executor:
         task = bar.add_task("", total=None)
         document = recompute(

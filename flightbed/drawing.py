@@ -57,6 +57,11 @@ def distinct(svg: str, key: str) -> str:
     return re.sub(r'(url\(#|href="#)', rf"\g<1>{key}-", svg)
 
 
+def legend(axes: Axes) -> None:
+    """Name the lines, above the axes, where nothing is drawn."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=8, borderaxespad=0.0)
+
+
 def mark(axes: Axes, at_s: float | None, **style: Any) -> None:
     """Draw the time of a failure."""
     if at_s is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from html import escape
 
 from flightbed.document import Claim, Document, Picture, Section, Table
@@ -31,13 +31,17 @@ def render(document: Document) -> str:
         f'<a href="#s{i}">{escape(section.heading)}</a><br>' for i, section in enumerate(document.sections)
     )
     body = "".join(_section(i, section) for i, section in enumerate(document.sections))
-    facts = "".join(f"<tr><th>{escape(str(k))}</th><td>{escape(str(v))}</td></tr>" for k, v in document.facts.items())
+    facts = "".join(f"<tr><th>{escape(k)}</th><td>{escape(_fact(v))}</td></tr>" for k, v in document.facts.items())
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
         f'<link rel="icon" href="data:,"><title>{escape(document.title)}</title><style>{_STYLE}</style></head>\n'
         f"<body><h1>{escape(document.title)}</h1><nav>{contents}</nav>{body}"
         f"<h2>How it was made</h2><table>{facts}</table></body></html>\n"
     )
+
+
+def _fact(value: object) -> str:
+    return ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, Mapping) else str(value)
 
 
 def _section(number: int, section: Section) -> str:

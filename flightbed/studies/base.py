@@ -38,12 +38,14 @@ class Study:
     """A published study.
 
     Attributes:
+        name: its name on the command line.
         title: what it reproduces.
         runs: flights of each case if nothing else is asked for.
         parts: flights of each case -> its parts, in the order of the report.
 
     """
 
+    name: str
     title: str
     runs: int
     parts: Callable[[int], Sequence[Part]]
@@ -90,6 +92,7 @@ def reproduce(
     flown = dict(zip((job.scenario for job in jobs), fly_jobs(jobs, executor=executor, progress=tell), strict=True))
     sections = [part.build([flown[job.scenario][: job.runs] for job in part.jobs]) for part in parts]
     facts = {
+        "again": f"flightbed reproduce {study.name} --runs {runs}",
         "flights": total,
         "runs_of_each_case": runs,
         "seeds": "of each case from 0 on",

@@ -215,7 +215,7 @@ def _history(plant: str, name: str, flights: Sequence[Flown]) -> Picture:
         axes[0].plot(
             flights[0].columns[TIME], flights[0].columns["effectiveness_true"], color=drawing.TRUTH, label="true"
         )
-        axes[0].legend(loc="upper right", ncols=3)
+        drawing.legend(axes[0])
         axes[1].set_xlabel("time, s")
         drawn = drawing.distinct(svg(), key)
     aircraft = "linear short period, Mach 0.9" if plant == "linear" else "nonlinear F-16, Mach 0.8"

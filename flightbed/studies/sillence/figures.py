@@ -96,7 +96,7 @@ def _noisy(axes: list[Axes], flown: Sequence[Flown], column: str, measured: str,
     axes[0].plot(quiet[TIME], quiet[column], color=drawing.REFERENCE, linestyle="--", label="without noise")
     axes[0].set_ylabel(label)
     axes[0].set_xlabel("time, s")
-    axes[0].legend(loc="upper right", ncols=3)
+    drawing.legend(axes[0])
     drawing.mark(axes[0], 3.0)
     return (
         f"Noise moves what is flown by {np.std(noisy[column] - quiet[column]):.3f} (RMS, {label.partition(', ')[2]})."
@@ -141,7 +141,7 @@ def _step_held(axes: list[Axes], _flown: Sequence[Flown]) -> str:
     axes[0].step(t, held, color=drawing.ACTUAL, label="held", linewidth=0.9)
     axes[0].plot(t, late, color=drawing.COMMAND, label="(2/T)/(s + 2/T)")
     axes[0].set_xlabel("time, s")
-    axes[0].legend(loc="lower right")
+    drawing.legend(axes[0])
     behind = float(np.mean(y - held) / np.mean(np.gradient(y, t)))
     return f"On the mean the held signal is {1000 * behind:.1f} ms behind; T/2 is 50 ms."
 
@@ -158,7 +158,7 @@ def _command_held(axes: list[Axes], flown: Sequence[Flown]) -> str:
     axes[0].step(t[part], held[part], where="post", color=drawing.ACTUAL, label="held at 100 Hz")
     axes[0].set_ylabel("pitch rate, deg/s")
     axes[0].set_xlabel("time, s")
-    axes[0].legend(loc="upper right")
+    drawing.legend(axes[0])
     exact = np.where(
         t < 2.25 - 1e-9, 10.0 - 10.0 * np.exp(-3.0 * t), -10.0 + (held[at] + 10.0) * np.exp(-3.0 * (t - 2.25))
     )
@@ -193,7 +193,7 @@ def _states(axes: list[Axes], flown: Sequence[Flown]) -> str:
         axis.plot(c[TIME], c[column], color=drawing.ACTUAL, label="true")
         axis.plot(c[TIME], c[f"{EXPANDING}.{column}"], color=drawing.COMMAND, label="estimate", linestyle="--")
         axis.set_ylabel(label)
-        axis.legend(loc="upper right", ncols=2)
+        drawing.legend(axis)
         drawing.mark(axis, printed.FAILED_AT_S)
         error, late = c[f"{EXPANDING}.{column}"] - c[column], c[TIME] >= printed.FAILED_AT_S
         words.append(

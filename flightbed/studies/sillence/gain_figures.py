@@ -139,7 +139,7 @@ def _two_sigma(axes: list[Axes], flown: Sequence[Flown]) -> str:
     mixed = (c[TIME] >= printed.FAILED_AT_S) & (c[TIME] < printed.FAILED_AT_S + 0.3)
     return (
         f"{np.mean(~outside[~mixed & (c[TIME] > 0.3)]):.1%} of the estimates lie within two sigma, windows that hold the failure left out "
-        f"({np.mean(~outside[mixed]):.0%} of those)."
+        f"({np.mean(~outside[mixed]):.0%} of those). Sigma is too small because it takes the prior, which is wrong on purpose, for true."
     )
 
 
@@ -183,5 +183,5 @@ def _adapted(axes: list[Axes], flown: Sequence[Flown]) -> str:
     axes[0].plot(
         flown[1].columns[TIME], flown[1].columns["q_deg_s"], color=drawing.OTHER, linewidth=0.9, label="q, fixed"
     )
-    axes[0].legend(loc="upper right", ncols=3)
+    drawing.legend(axes[0])
     return f"RMS of q - reference from 0.3 s after the failure: {plots.rms(flown[0]):.2f} deg/s adapted, {plots.rms(flown[1]):.2f} fixed."

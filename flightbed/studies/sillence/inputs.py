@@ -166,7 +166,7 @@ def _picture(plant: str, flown: Mapping[_Key, Sequence[Flown]]) -> Picture:
             reached.append(f"{name} {f'{t[below[0]]:.2f} s' if below.size else 'never'}")
         axis.set_ylabel("bound on sigma of K")
         axis.set_xlabel("time, s")
-        axis.legend(loc="upper right", ncols=4)
+        drawing.legend(axis)
         drawn = drawing.distinct(svg(), key)
     return Picture(
         key, f"What all data since the start can tell of K, {plant}", drawn, "Cramer-Rao bound, nothing fails, fixed law, seed 0.",

@@ -97,7 +97,7 @@ def _picture(flown: Mapping[str, list[Flown]]) -> Picture:
             flight, column = flown[case][0], f"{SCHEDULED}.effectiveness"
             lines = [(column, "scheduled", drawing.OTHER), (f"{column}_smoothed", "smoothed", drawing.ACTUAL)]
             plots.gain(axis, flight, lines, band=0.2)
-            axis.set_title(case, fontsize=9)
+            axis.set_title(case, fontsize=9, loc="left")
             facts.append(plots.error_words(flight, f"{column}_smoothed", case))
         drawn = drawing.distinct(svg(), "level")
     return Picture(
@@ -147,7 +147,7 @@ def _slack(t: Any, trace: Any) -> Picture:
         axis.set_ylim(1e-4, 30.0)
         axis.set_ylabel("ms")
         axis.set_xlabel("time, s")
-        axis.legend(loc="upper right", ncols=3)
+        drawing.legend(axis)
         drawn = drawing.distinct(svg(), "real-time")
     busy = float(np.median(trace["compute_ms"]) / 10.0)
     return Picture(

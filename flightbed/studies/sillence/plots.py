@@ -87,7 +87,7 @@ def response(
     axes[0].plot(t, flown.columns["q_ref_deg_s"], color=drawing.REFERENCE, label="reference")
     axes[0].plot(t, flown.columns["q_deg_s"], color=drawing.ACTUAL, label=label)
     axes[0].set_ylabel("pitch rate, deg/s")
-    axes[0].legend(loc="upper right", ncols=3)
+    drawing.legend(axes[0])
     if len(axes) > 1:
         axes[1].plot(t, flown.columns["alpha_deg"], color=drawing.ACTUAL)
         axes[1].set_ylabel("alpha, deg")
@@ -118,7 +118,7 @@ def gain(axes: Axes, flown: Flown, lines: Sequence[tuple[str, str, str]], *, ban
     axes.set_ylim(max(-3.0, min(-0.1, low - 0.05)), min(6.0, max(1.2, high + 0.05)))
     axes.set_ylabel("K")
     axes.set_xlabel("time, s")
-    axes.legend(loc="upper right", ncols=4)
+    drawing.legend(axes)
     drawing.mark(axes, printed.FAILED_AT_S)
 
 

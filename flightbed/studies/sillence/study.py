@@ -16,7 +16,7 @@ FEWER = 5  # the slower cases of the aircraft get this fraction of the flights
 
 def sillence() -> Study:
     """Loop-gain estimation (Sillence 1999, with Pachter): tables, figures, claims, and its future work, on line and on the aircraft."""
-    return Study("Sillence (1999), recomputed and carried on to the aircraft", RUNS, parts)
+    return Study("sillence", "Sillence (1999), recomputed and carried on to the aircraft", RUNS, parts)
 
 
 def parts(runs: int) -> Sequence[Part]:

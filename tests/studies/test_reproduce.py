@@ -1,0 +1,114 @@
+"""`flightbed reproduce` and what all studies share: flights flown once, whole folders, the same numbers on any number of workers."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from flightbed import cli, registry
+from flightbed.studies.base import distinct_jobs, reproduce
+from tests.command_line import COMMAND, assert_one_clear_line, flightbed
+from tests.studies.tiny import tiny
+
+
+@pytest.fixture(autouse=True)
+def _registered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(registry._BUILT_IN["studies"], "tiny", "tests.studies.tiny:tiny")
+    monkeypatch.chdir(tmp_path)
+
+
+def _call(*arguments: str) -> int:
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        with pytest.raises(SystemExit) as ended:
+            cli.main(arguments)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    return int(str(ended.value.code))
+
+
+def test_flights_that_parts_share_are_flown_once_with_all_columns() -> None:
+    parts = tiny().parts(3)
+    jobs = distinct_jobs(parts)
+    assert [job.runs for job in jobs] == [5, 5]
+    assert all(job.columns == ("t_s",) for job in jobs)
+    told: list[tuple[int, int]] = []
+    document = reproduce(tiny(), 3, progress=lambda done, total: told.append((done, total)))
+    assert document.facts["flights"] == 10
+    assert told[-1] == (10, 10)
+    assert [t[0] for t in told] == sorted(t[0] for t in told)
+    first, second = document.tables()
+    assert [row[2] for row in first.rows] == [3, 3]
+    assert [row[2] for row in second.rows] == [5, 5]
+
+
+def test_the_executor_changes_no_number() -> None:
+    with ThreadPoolExecutor(2) as threads:
+        pooled = reproduce(tiny(), 3, executor=threads).to_dict()
+    assert pooled["tables"] == reproduce(tiny(), 3).to_dict()["tables"]
+
+
+def test_json_is_alone_on_stdout_and_the_folder_is_whole(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert _call("reproduce", "tiny", "--workers", "1", "--json", "--runs", "2") == 0
+    captured = capsys.readouterr()
+    told = json.loads(captured.out)
+    assert captured.err == ""
+    assert told.pop("folder") == "studies/tiny"
+    assert sorted(p.name for p in (tmp_path / "studies/tiny").iterdir()) == ["report.html", "results.json"]
+    assert told == json.loads((tmp_path / "studies/tiny/results.json").read_text())
+    assert told["again"] == "flightbed reproduce tiny --runs 2"
+    assert told["tables"]["first"][0]["final"]["runs"] == 2
+    assert _call("reproduce", "tiny", "--workers", "1", "--runs", "1") == 0
+    shown = capsys.readouterr().out
+    assert "A tiny study" in shown
+    assert "written to studies/tiny-2" in shown
+
+
+def test_an_earlier_study_is_replaced_and_nothing_else_is(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for _ in range(2):
+        assert _call("reproduce", "tiny", "--workers", "1", "--runs", "1", "--out", "x") == 0
+    (tmp_path / "x" / "mine.txt").write_text("keep")
+    capsys.readouterr()
+    assert _call("reproduce", "tiny", "--workers", "1", "--runs", "1", "--out", "x") == 2
+    assert capsys.readouterr().err == (
+        "flightbed: --out x: holds 'mine.txt', which is not from a study; name a new folder\n"
+    )
+    assert (tmp_path / "x" / "mine.txt").read_text() == "keep"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["reproduce", "silence"], "unknown study 'silence'; did you mean sillence?"),
+        (["reproduce", "sillence", "--runs", "0"], "--runs: must be at least 1 (got 0)"),
+        (["reproduce", "sillence", "--workers", "-1"], "--workers: must be at least 1 (got -1)"),
+        (["reproduce", "sillence", "--out", "."], "--out .: is the folder you are in"),
+        (["reproduce", "sillence", "--runs", "many"], "many"),
+    ],
+)
+def test_bad_input_is_one_clear_line(tmp_path: Path, arguments: list[str], message: str) -> None:
+    assert_one_clear_line(arguments, 2, message, cwd=tmp_path)
+
+
+def test_studies_are_listed(tmp_path: Path) -> None:
+    assert flightbed("list", "studies", cwd=tmp_path).stdout.startswith("sillence  ")
+
+
+def test_an_interrupted_study_leaves_nothing(tmp_path: Path) -> None:
+    """As from the keyboard: parent and workers get the signal."""
+    process = subprocess.Popen(
+        [*COMMAND, "reproduce", "sillence", "--runs", "500", "--out", "x"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    time.sleep(5.0)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert (process.returncode, out, err) == (130, "", "flightbed: interrupted; nothing was written\n")
+    assert list(tmp_path.iterdir()) == []
