@@ -47,9 +47,15 @@ def _bounds(models: Array, u: Array, first: Array, r: Array) -> Array:
             S[0, 0], S[1, 1] = 1.0, 1.0
         for j in range(begin, k + 1):
             if j > int(first[k]):
-                S = np.ascontiguousarray(models[j, :, :2]) @ S
-                S[0, 2] += models[j, 0, 2] * u[j]
-                S[1, 2] += models[j, 1, 2] * u[j]
+                m = models[j]
+                for a in range(
+                    3
+                ):  # S+ = A S + [0, b u], written out: a library's product costs more, and keeps all cores busy
+                    top, low = S[0, a], S[1, a]
+                    S[0, a] = m[0, 0] * top + m[0, 1] * low
+                    S[1, a] = m[1, 0] * top + m[1, 1] * low
+                S[0, 2] += m[0, 2] * u[j]
+                S[1, 2] += m[1, 2] * u[j]
             for i in range(2):
                 for a in range(3):
                     for b in range(3):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -19,6 +19,8 @@ from flightbed.scenario import Scenario
 
 Vector = npt.NDArray[np.float64]
 Progress = Callable[[int], None]
+
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 CHUNK = 25  # flights of one plan that a worker does at a time
 
@@ -102,15 +104,34 @@ def _fly_one(planned: Plan, seed: int, columns: tuple[str, ...]) -> Flown:
 
 @contextmanager
 def processes(workers: int | None = None) -> Iterator[Executor | None]:
-    """Give an executor of so many fresh local processes, all cores if None; one worker is none: fly here."""
+    """Give an executor of so many fresh local processes, all cores if None; one worker is none: fly here.
+
+    A worker's linear algebra has one thread, unless the environment says otherwise: the matrices are small, and threads that wait for
+    more of them by spinning made two workers slower than one.
+    """
     count = workers or os.cpu_count() or 1
     if count == 1:
         yield None
         return
     # An interrupt is the parent's to handle: it cancels what has not begun and waits for the rest.
     ignore = (signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(count, get_context("spawn"), initializer=signal.signal, initargs=ignore) as executor:
+    with (
+        _environment(dict.fromkeys(_THREADS, "1")),  # read when a worker starts, at the latest with the first chunks
+        ProcessPoolExecutor(count, get_context("spawn"), initializer=signal.signal, initargs=ignore) as executor,
+    ):
         yield executor
+
+
+@contextmanager
+def _environment(defaults: Mapping[str, str]) -> Iterator[None]:
+    """Set variables that are not set, for as long as it lasts."""
+    added = {name: value for name, value in defaults.items() if name not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            os.environ.pop(name, None)
 
 
 def histories(flights: Sequence[Flown], column: str) -> tuple[Vector, Vector, npt.NDArray[np.int64]]:
