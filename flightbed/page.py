@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from html import escape
 
-from flightbed.document import Claim, Document, Picture, Section, Table
+from flightbed.document import Cell, Claim, Document, Picture, Section, Table
 
 _STYLE = """
 :root { color-scheme: light; }
@@ -16,7 +16,7 @@ table { border-collapse: collapse; margin: .8rem 0 1.4rem; font-variant-numeric:
 caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
 th, td { padding: .2rem .7rem .2rem 0; border-bottom: 1px solid #e3e6ec; text-align: left; vertical-align: top; }
 th { color: #555; font-weight: 600; }
-.wide { overflow-x: auto; } figure { margin: 1.4rem 0 1.8rem; break-inside: avoid; } figure svg { width: 100%; height: auto; }
+.wide { overflow-x: auto; } .n { white-space: nowrap; } figure { margin: 1.4rem 0 1.8rem; break-inside: avoid; } figure svg { width: 100%; height: auto; }
 figcaption { font-size: .92rem; } figcaption b { display: block; }
 .facts { color: #444; } .note { color: #555; font-size: .9rem; margin-top: -1rem; }
 .claim { border-left: 4px solid; padding: .2rem .8rem; margin: .8rem 0; break-inside: avoid; }
@@ -53,11 +53,13 @@ def _section(number: int, section: Section) -> str:
 
 def _table(table: Table) -> str:
     head = "".join(f"<th>{escape(c)}</th>" for c in table.columns)
-    rows = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in table.shown(row)) + "</tr>" for row in table.rows
-    )
+    rows = "".join("<tr>" + "".join(map(_cell, row, table.shown(row))) + "</tr>" for row in table.rows)
     note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
     return f'<div class="wide"><table><caption>{escape(table.title)}</caption><tr>{head}</tr>{rows}</table></div>{note}'
+
+
+def _cell(value: Cell, shown: str) -> str:
+    return f"<td{'' if isinstance(value, str) else ' class=n'}>{escape(shown)}</td>"
 
 
 def _claim(claim: Claim) -> str:

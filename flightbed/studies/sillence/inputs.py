@@ -131,12 +131,11 @@ def _table(plant: str, flown: Mapping[_Key, Sequence[Flown]]) -> Table:
             float(np.sqrt(np.mean(np.square(errors)))), bound, 1e3 * bound * given**0.5 if given else None, 1e3 * bound * spent**0.5,
             spread([_median_late(f, f"{WINDOW}.effectiveness_std") for f in window]),
             spread([_median_late(f, "effectiveness_bound") for f in window]),
-            str(sum(f.metrics.departed for f in expanding)),
         ])  # fmt: skip
     columns = (
         "input", "amplitude, deg/s", "elevator energy, deg^2 s", "sigma, all data", "RMS error, all data", "bound, all data",
         "bound x sqrt(command energy), 1e-3 deg/sqrt(s)", "bound x sqrt(elevator energy), 1e-3 deg sqrt(s)", "sigma, window", "bound, "
-        "window", "departed",
+        "window",
     )  # fmt: skip
     formats = {"amplitude, deg/s": ".2f", "elevator energy, deg^2 s": ".1f"} | dict.fromkeys(columns[3:6], ".5f")
     formats |= dict.fromkeys(columns[6:8], ".2f") | dict.fromkeys(columns[8:10], ".3f")
@@ -144,8 +143,7 @@ def _table(plant: str, flown: Mapping[_Key, Sequence[Flown]]) -> Table:
         f"inputs_{plant.lower()}", f"Inputs of {_energy_deg2_s(plant, 'doublet'):.0f} (deg/s)^2 s, {plant}", columns, rows, formats,
         note=f"{len(flown[plant, 'none', EXPANDING])} flights each: medians; RMS error of K-hat at the end over the flights. All data: an "
         "expanding filter at 16.5 s; window: 30 samples, median over the flight from 0.3 s on, median [5 %, 95 %] over the flights. The "
-        "step "
-        "lasts 16.5 s, the others 13.5 s. None: what sensor noise, fed back by the law, tells of K.",
+        "step lasts 16.5 s, the others 13.5 s. None: what sensor noise, fed back by the law, tells of K.",
     )  # fmt: skip
 
 

@@ -20,10 +20,14 @@ from flightbed.studies.sillence import plots
 from flightbed.studies.sillence.plots import BASIC, TIME
 
 SCHEDULED, SHORT = "scheduled", "short-period"
+_DEVIATION = "estimators.1.input=deviation"
 _CASES: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
     {
-        "normal c.g., no dither": ("level-loss", ()),
-        "normal c.g., dither 0.5 deg/s": ("level-loss", ("command.kind=dither", "command.amplitude_deg_s=0.5")),
+        "normal c.g., no dither": ("level-loss", (_DEVIATION,)),
+        "normal c.g., dither 0.5 deg/s": (
+            "level-loss",
+            (_DEVIATION, "command.kind=dither", "command.amplitude_deg_s=0.5"),
+        ),
         "no elevator at trim, no dither": ("dithered-level", ("command.kind=none",)),
         "no elevator at trim, dither 0.1 deg/s": ("dithered-level", ("command.amplitude_deg_s=0.1",)),
         "no elevator at trim, dither 0.5 deg/s": ("dithered-level", ()),
@@ -47,7 +51,9 @@ def level(runs: int) -> Part:
             [
                 "In the thesis's form of the model, in deviations from trim, level flight holds nothing that K acts on: hence its call for "
                 "dither. The aircraft has more to tell. It is trimmed by a deflection, K scales all of it, and when K drops the nose "
-                "moves: with the absolute input K is found at once, without any dither.",
+                "moves: with the absolute input K is found at once, without any dither. The deviation form, which holds that moment for "
+                "none of K's, "
+                "is wrong by as much as K itself there, dither or not.",
                 "Only where that deflection is near zero, here by a c.g. 5.7 % of the chord further aft, does the argument of the thesis "
                 "hold. There a dither of half a degree a second does it; the load factor that the pilot feels of it is in the table.",
             ],
