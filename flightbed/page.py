@@ -16,7 +16,8 @@ table { border-collapse: collapse; margin: .8rem 0 1.4rem; font-variant-numeric:
 caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
 th, td { padding: .2rem .7rem .2rem 0; border-bottom: 1px solid #e3e6ec; text-align: left; vertical-align: top; }
 th { color: #555; font-weight: 600; }
-.wide { overflow-x: auto; } .n { white-space: nowrap; } figure { margin: 1.4rem 0 1.8rem; break-inside: avoid; } figure svg { width: 100%; height: auto; }
+.wide { overflow-x: auto; } .n { white-space: nowrap; }
+figure { margin: 1.4rem 0 1.8rem; break-inside: avoid; } figure svg { width: 100%; height: auto; }
 figcaption { font-size: .92rem; } figcaption b { display: block; }
 .facts { color: #444; } .note { color: #555; font-size: .9rem; margin-top: -1rem; }
 .claim { border-left: 4px solid; padding: .2rem .8rem; margin: .8rem 0; break-inside: avoid; }

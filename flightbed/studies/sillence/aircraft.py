@@ -78,23 +78,18 @@ def experiment(runs: int) -> Part:
         return Section(
             "(a) The full nonlinear aircraft",
             [
-                "The thesis's filters, prior and noise on JSBSim's F-16: six degrees of freedom, aerodynamics of Mach number and alpha, an "
-                "actuator with rate and position limits. Their model is the short period linearized at the trim point, and the law is "
+                "The thesis's filters, prior and noise on JSBSim's F-16: six degrees of freedom, aerodynamics of Mach number and alpha, "
+                "an actuator with rate and position limits. Their model is the short period linearized at the trim point, and the law is "
                 "designed on it. Beside them flies the filter of this project: its model is a grid of local linear models that follows "
-                "Mach "
-                "number and alpha, its input the absolute deflection, the prior of its window the readings.",
+                "Mach number and alpha, its input the absolute deflection, the prior of its window the readings.",
                 "What the linear study could not see: away from the trim point the short period is off by more than the elevator does, and "
                 "the thesis's filters put the difference into K, failure or not: their error is as large as K itself. With the scheduled "
                 "model K comes out within hundredths in both conditions.",
                 "To know K is not to keep the aircraft. In the thesis's own condition the intact aircraft departs in its commands of 10 "
-                "deg/s "
-                "(K_1 = 1): the fixed linear law does not hold it where alpha is below -12 deg, and a correction by the true K gives "
-                "back the "
-                "intact aircraft, no better one. There the thesis's window keeps it longer by being wrong: a K-hat near 0 makes the loop "
-                "up to "
-                "12 times as stiff. At Mach 0.8 and K_1 = 0.1 both are at the end of the elevator's reach, and again the stiffer, wrong "
-                "one "
-                "stays.",
+                "deg/s (K_1 = 1): the fixed linear law does not hold it where alpha is below -12 deg, and a correction by the true K "
+                "gives back the intact aircraft, no better one. There the thesis's window keeps it longer by being wrong: a K-hat near 0 "
+                "makes the loop up to 12 times as stiff. At Mach 0.8 and K_1 = 0.1 both are at the end of the elevator's reach, and "
+                "again the stiffer, wrong one stays.",
             ],
             [_tracking(flown), _estimates(flown), _picture(flown["Mach 0.8, +-5 deg/s", 0.2, "scheduled"][0])],
         )
@@ -187,10 +182,8 @@ def ensembles(runs: int) -> Part:
             f"(e) Mean and one-sigma histories of {min(FEW, runs)} and {runs} flights",
             [
                 "The adaptive loop over the noise: mean of the flights, and mean plus and minus one standard deviation, of the smoothed "
-                "K-hat "
-                "and of the tracking error. What is left in the mean is no noise: it is the filters' bias, the law's lag, and what a "
-                "window "
-                "that holds the failure says.",
+                "K-hat and of the tracking error. What is left in the mean is no noise: it is the filters' bias, the law's lag, and what "
+                "a window that holds the failure says.",
             ],
             pictures,
         )

@@ -57,14 +57,11 @@ def structural(runs: int) -> Part:
             "(c) Structural damage",
             [
                 "The control vector b = (Z_delta, M_delta) may lose its two parts in different shares, as when a surface bends or loses "
-                "its "
-                "tip, and the c.g. may move with what falls off. K of the filters scales both parts; the truth that they are held "
-                "against is "
-                "the share of the moment, which is what the law is corrected by.",
+                "its tip, and the c.g. may move with what falls off. K of the filters scales both parts; the truth that they are held "
+                "against is the share of the moment, which is what the law is corrected by.",
                 "Turning b hardly touches the estimate of the moment: on the linear model and on the aircraft the elevator's force is a "
                 "small part of what moves alpha. A c.g. that moves is another matter: it changes C_m_alpha, which no K describes, and "
-                "the trim "
-                "moment, which the scheduled model takes for a change of K.",
+                "the trim moment, which the scheduled model takes for a change of K.",
             ],
             [_simple("structural_linear", "Linear model, fixed law: the thesis's filters", flown, "linear", (WINDOW, EXPANDING)),
              _adapted("structural_f16", "F-16, adapted by the scheduled estimator", flown, "F-16")],
@@ -97,8 +94,7 @@ def disturbances(runs: int) -> Part:
                 "that of sensor noise alone, does not tell: the mean NEES, 1 for an honest sigma, says how far off it is. 'Matched' is "
                 "the same window, started from the readings, that is told how strong the process noise is: as good as can be, and honest.",
                 "On the aircraft nobody tells the filter. The scheduled one raises its process noise to what its readings show, and "
-                "where a "
-                "window says little it holds on to its last estimate.",
+                "where a window says little it holds on to its last estimate.",
             ],
             [_simple("process_noise", "Linear model, K_1 = 0.2, fixed law", flown, "linear", (WINDOW, MATCHED, EXPANDING)),
              _adapted("storms", "F-16, K_1 = 0.2, adapted by the scheduled estimator", flown, "F-16")],

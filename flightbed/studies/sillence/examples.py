@@ -39,15 +39,12 @@ def examples(runs: int) -> Part:
             "Worked examples",
             [
                 "S 2.2: one sine test gives natural frequency and damping of a second-order system of unit gain; three give the six "
-                "parameters "
-                "of a third-order one, here the closed loop of Table 3 from reference to pitch rate. The responses are simulated exactly, "
-                "in the steady state, and read at 100 Hz; they hold no noise.",
+                "parameters of a third-order one, here the closed loop of Table 3 from reference to pitch rate. The responses are "
+                "simulated exactly, in the steady state, and read at 100 Hz; they hold no noise.",
                 "S 2.4: a difference equation that is fed readings carries their noise into every row: its covariance R is banded. The "
-                "plain "
-                "regression is biased, a towards 0, because the same noise stands in its regressors. With R it scatters less, and nearly "
-                "all "
-                "of the bias goes too, which the thesis does not claim: whitened, what stands in the regressors is older noise than that "
-                "of the row. What is left is because R is made with the plain estimate of a.",
+                "plain regression is biased, a towards 0, because the same noise stands in its regressors. With R it scatters less, and "
+                "nearly all of the bias goes too, which the thesis does not claim: whitened, what stands in the regressors is older "
+                "noise than that of the row. What is left is because R is made with the plain estimate of a.",
                 "S 4.4: the recursion over a record equals one regression for (x_0, K) to round-off, with process noise too, as long "
                 "as R~ is the full covariance. His diagonal one, eqs (76) and (77), is right without process noise only.",
             ],
@@ -152,8 +149,7 @@ def _correlated(runs: int) -> Table:
         "correlated_noise", "S 2.4: regression with and without the noise's correlation",
         ("weight", "parameter", "true", "mean", "scatter"), rows, {"true": ".2f", "mean": ".4f", "scatter": ".4f"},
         note=f"y+ = a y + b u, u = +-1, readings with a standard deviation of {_STD:g}, {_SAMPLES} samples, {runs} records; scatter: "
-        "standard "
-        "deviation of the estimates.",
+        "standard deviation of the estimates.",
     )  # fmt: skip
 
 

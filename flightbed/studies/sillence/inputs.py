@@ -60,20 +60,16 @@ def excitation(runs: int) -> Part:
             [
                 "The same energy of the commanded pitch rate, the integral of its square, in different forms, all through the prefilter "
                 "3/(s+3). Nothing fails; the law is fixed; the filters start from the readings, and the linear one's u is the mean over "
-                "the "
-                "sample. The bound is Cramer and Rao's, of K along the flown trajectory, for an observer that knows nothing of state "
-                "and K beforehand: no filter beats it without bias. Times the square root of an energy it is the price of knowing K: "
-                "the error that one (deg/s)^2 s of command, or one deg^2 s of elevator, would leave.",
+                "the sample. The bound is Cramer and Rao's, of K along the flown trajectory, for an observer that knows nothing of state "
+                "and K beforehand: no filter beats it without bias. Times the square root of an energy it is the price of knowing K: the "
+                "error that one (deg/s)^2 s of command, or one deg^2 s of elevator, would leave.",
                 "What tells of K is the elevator, and its energy is not the command's: the prefilter takes what is fast, and the loop "
-                "answers "
-                "to what is fast with more elevator per deg/s. On the linear model slow inputs tell most for their energy over the whole "
-                "flight, because the unstable motion that they leave is long and large; within a window of 0.3 s it is the broad ones, "
-                "chirp "
-                "and multisine, that halve the doublets' sigma, since there is no quiet stretch in them.",
-                "On the aircraft the form hardly matters, and no command is as good as any: the deflection that trims it is there at every "
-                "tick, and with the absolute input its lost moment tells of K. There the error over all data is larger than sigma and "
-                "bound: "
-                "what is left is the model's, a thousandth of K, and no noise.",
+                "answers to what is fast with more elevator per deg/s. On the linear model slow inputs tell most for their energy over "
+                "the whole flight, because the unstable motion that they leave is long and large; within a window of 0.3 s it is the "
+                "broad ones, chirp and multisine, that halve the doublets' sigma, since there is no quiet stretch in them.",
+                "On the aircraft the form hardly matters, and no command is as good as any: the deflection that trims it is there at "
+                "every tick, and with the absolute input its lost moment tells of K. There the error over all data is larger than sigma "
+                "and bound: what is left is the model's, a thousandth of K, and no noise.",
             ],
             [
                 *(_table(plant, flown) for plant in PLANTS),

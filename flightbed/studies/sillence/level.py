@@ -86,8 +86,7 @@ def _table(flown: Mapping[str, list[Flown]]) -> Table:
         "level", "F-16 in level flight, K_1 = 0.2, adapted by the scheduled estimator", columns, rows,
         dict(zip(columns[2:], (".3f", ".2f", ".3f", ".4f", ".2f"), strict=True)),
         note=f"{len(next(iter(flown.values())))} flights each: median [5 %, 95 %]; departed: share with its 95 % interval. Scatter: "
-        "standard "
-        "deviation of K-hat before the failure; felt: RMS of n_z - 1 from 0.3 s to the failure.",
+        "standard deviation of K-hat before the failure; felt: RMS of n_z - 1 from 0.3 s to the failure.",
     )  # fmt: skip
 
 

@@ -220,8 +220,8 @@ def glance(runs: int) -> Part:
         table = Table(
             "glance", "Printed and computed", ("number", "printed", "ours", "rank", "agrees"), rows, {"rank": ".2f"},
             note=f"Ours: median [5 %, 95 %] over {runs} noise draws, P law. Rank: share of the draws below the print; 0 and 1 say that "
-            "noise "
-            f"alone does not make the difference. Agrees: all digits, or the median within {FINAL_TOLERANCE} of K, {ENTRY_TOLERANCE_S} s.",
+            f"noise alone does not make the difference. Agrees: all digits, or the median within {FINAL_TOLERANCE} of K, "
+            f"{ENTRY_TOLERANCE_S} s.",
         )  # fmt: skip
         return Section("At a glance", [], [table])
 
