@@ -1,1 +1,1 @@
-"""Published studies, recomputed: one a module or folder, each a function ``study(Options) -> Document``."""
+"""Published studies, recomputed: one a module or folder, each a function that returns a ``base.Study``."""
