@@ -74,5 +74,6 @@ def median_interval(values: Sequence[float]) -> Interval:
     if np.all(np.isfinite(medians)):
         low, high = np.percentile(medians, [2.5, 97.5]).tolist()
     else:  # nothing lies between a number and infinity: outwards
-        low, high = (float(np.percentile(medians, p, method=m)) for p, m in ((2.5, "lower"), (97.5, "higher")))
+        low = float(np.percentile(medians, 2.5, method="lower"))
+        high = float(np.percentile(medians, 97.5, method="higher"))
     return Interval(float(np.median(data)), low, high, data.size)
