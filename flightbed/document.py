@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any
 
 from flightbed.statistics import Interval, Spread
@@ -139,6 +140,7 @@ def show(cell: Cell, spec: str = ".4g") -> str:
 
 
 def _plain(cell: Cell) -> Any:
+    """Return a cell for JSON, which has neither nan nor infinity: both are null."""
     if isinstance(cell, Spread | Interval):
-        return {k: None if v != v else v for k, v in vars(cell).items()}
-    return None if isinstance(cell, float) and cell != cell else cell
+        return {k: _plain(v) for k, v in vars(cell).items()}
+    return None if isinstance(cell, float) and not isfinite(cell) else cell

@@ -137,13 +137,15 @@ def _environment(defaults: Mapping[str, str]) -> Iterator[None]:
 def histories(flights: Sequence[Flown], column: str) -> tuple[Vector, Vector, npt.NDArray[np.int64]]:
     """Return mean, standard deviation and number of the flights still flying at every tick, of a column that was kept.
 
-    The standard deviation is that of the flights (n - 1 in the divisor); 0 where one flies.
+    The standard deviation is that of the flights (n - 1 in the divisor); 0 where one flies, nan where the mean is infinite.
     """
-    longest = max(len(f.columns[column]) for f in flights)
-    table = np.full((len(flights), longest), np.nan)
-    for row, flown in zip(table, flights, strict=True):
-        row[: len(flown.columns[column])] = flown.columns[column]
-    flying = np.sum(np.isfinite(table), axis=0)
-    mean = np.nanmean(table, axis=0)
-    variance = np.nansum((table - mean) ** 2, axis=0) / np.maximum(flying - 1, 1)
+    values = [flown.columns[column] for flown in flights]
+    lengths = np.array([len(v) for v in values])
+    aloft = np.arange(lengths.max()) < lengths[:, None]
+    table = np.zeros(aloft.shape)
+    table[aloft] = np.concatenate(values)
+    flying = np.sum(aloft, axis=0)
+    mean = np.sum(table, axis=0) / flying
+    with np.errstate(invalid="ignore"):
+        variance = np.sum((table - mean) ** 2, axis=0, where=aloft) / np.maximum(flying - 1, 1)
     return mean, np.sqrt(variance), flying

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import json
+import os
 import tempfile
 from collections.abc import Callable, Collection
 from itertools import count
@@ -33,7 +34,7 @@ def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FI
     """
     try:
         target = target.resolve() if target.is_symlink() else target
-        if Path.cwd().is_relative_to(target.absolute()):
+        if Path.cwd().is_relative_to(os.path.realpath(target)):
             raise OutputError(f"--out {target}: is the folder you are in; name a folder of its own")
         if replace and target.exists() and not target.is_dir():
             raise OutputError(f"--out {target}: is a file; name a folder")

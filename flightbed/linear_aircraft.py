@@ -61,7 +61,7 @@ class LinearAircraft:
 def load_flyable(name: str) -> Aircraft | LinearAircraft:
     """Read what a scenario may fly: an overlay aircraft or a linear one. Raises UnknownNameError or AircraftError."""
     try:
-        linear = tomllib.loads(_file(name).read_text(encoding="utf-8")).get("kind") == "linear"
+        linear = "kind" in tomllib.loads(_file(name).read_text(encoding="utf-8"))  # an overlay has no such key
     except (OSError, ValueError):
         linear = False  # load_aircraft says what is wrong
     return load_linear_aircraft(name) if linear else load_aircraft(name)
@@ -86,6 +86,9 @@ def load_linear_aircraft(name: str) -> LinearAircraft:
         for key in known:
             if key not in found:
                 raise AircraftError(f"{path}: {dot}{key} is missing")
+    for key, only in (("schema", 1), ("kind", "linear")):
+        if raw[key] != only:
+            raise AircraftError(f"{path}: {key}: must be {only!r} (got {raw[key]!r})")
     numbers = {t: {k: _number(raw[t][k], f"{path}: {t}.{k}") for k in _KEYS[t]} for t in _KEYS if t}
     for table, key in (("elevator", "lag_rad_s"), ("condition", "mach")):
         if numbers[table][key] <= 0.0:

@@ -64,9 +64,16 @@ def share(successes: int, runs: int) -> Interval:
 
 
 def median_interval(values: Sequence[float]) -> Interval:
-    """Return the median with its bootstrap percentile interval; of paired differences it is a test of their sign."""
+    """Return the median with its bootstrap percentile interval; of paired differences it is a test of their sign.
+
+    Values may be infinite, of what never happened; an end of the interval that falls between a finite and an infinite median is infinite.
+    """
     data = np.asarray(values, dtype=np.float64)
     rng = np.random.default_rng(_SEED)
     medians = np.median(rng.choice(data, size=(_RESAMPLES, data.size)), axis=1)
-    low, high = np.percentile(medians, [2.5, 97.5]).tolist()
+    if np.all(np.isfinite(medians)):
+        low, high = np.percentile(medians, [2.5, 97.5]).tolist()
+    else:  # nothing lies between a number and infinity: outwards
+        low = float(np.percentile(medians, 2.5, method="lower"))
+        high = float(np.percentile(medians, 97.5, method="higher"))
     return Interval(float(np.median(data)), low, high, data.size)

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import control
 import numpy as np
+import pytest
 
 from flightbed import load_scenario, run
 from flightbed.assembly import sensor_noise
-from flightbed.bound import _bounds, bound, schedule_models
+from flightbed.bound import _bounds, bound, design_models, schedule_models
+from flightbed.estimation.record import estimate_record
+from flightbed.mission import Result
+from flightbed.short_period import ShortPeriod
+from flightbed.units import DEG
 
 
 def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator) -> None:
@@ -49,3 +55,65 @@ def test_more_data_say_more_and_a_change_begins_anew() -> None:
     assert np.isinf(everything[450]) or everything[450] < everything[451]  # at the change the old stretch still counts
     assert everything[452] > 10 * everything[450]
     assert np.array_equal(result.trace["effectiveness_bound"], window)
+
+
+@pytest.fixture(scope="module")
+def thesis() -> Result:
+    """The thesis's aircraft in its doublets, nothing failing, flown by a fixed law."""
+    return run(load_scenario("thesis-loss", ["failures=[]", "adaptation.enabled=false", "duration_s=6"]))
+
+
+def test_models_of_a_linear_flight_are_the_discrete_matrices(thesis: Result) -> None:
+    design = thesis.plan.design
+    models = design_models(thesis.trace, design, control_hz=100)
+    discrete = control.c2d(control.ss(design.A, design.b[:, None], np.eye(2), 0), 0.01)
+    assert models.shape == (600, 2, 4)
+    assert np.ptp(models, axis=0).max() == 0.0
+    assert models[0, :, :3] == pytest.approx(np.column_stack([discrete.A, discrete.B]), abs=1e-14)
+    assert not models[:, :, 3].any()  # the linear aircraft has no trim
+
+
+def test_models_of_a_linear_flight_reproduce_its_motion(thesis: Result) -> None:
+    """x+ = A x + b u along the true motion, u the mean over the period: off by what u varies in it, dt^3 |A b u'| / 12.
+
+    The largest u' is that after a step of the command: 1.1 times its mean over the period, as it decays with exp(-20 t); another tenth
+    for the next order of A dt. With the mean of the period before the error is another.
+    """
+    trace, design, dt = thesis.trace, thesis.plan.design, 0.01
+    models = design_models(trace, design, control_hz=100)[1:]
+    x = np.column_stack([trace["alpha_deg"], trace["q_deg_s"]]) * DEG
+    u = trace["elevator_mean_meas_deg"] * DEG
+    free = np.einsum("kij,kj->ki", models[:, :, :2], x[:-1])
+    rate = 1.2 * np.abs(np.diff(trace["elevator_deg"])).max() * DEG / dt
+    bounds = dt**3 / 12 * np.abs(design.A @ design.b) * rate
+    assert np.all(np.abs(free + models[:, :, 2] * u[1:, None] - x[1:]).max(axis=0) < bounds)
+    assert np.all(np.abs(free + models[:, :, 2] * u[:-1, None] - x[1:]).max(axis=0) > 5 * bounds)
+
+
+def test_the_affine_term_is_that_of_the_trim_deflection(design: ShortPeriod, thesis: Result) -> None:
+    """At trim, with full effectiveness, the model stays at rest."""
+    (model, *_) = design_models(thesis.trace, design, control_hz=100)
+    assert design.elevator_trim_rad != 0.0
+    assert model[:, 2] * design.elevator_trim_rad + model[:, 3] == pytest.approx([0.0, 0.0], abs=1e-17)
+
+
+def test_the_bound_is_the_covariance_of_the_joint_filter_that_knows_nothing_beforehand(thesis: Result) -> None:
+    """Readings from the first on, no process noise, the same u: filter and bound then weigh the same information.
+
+    The filter starts from the first reading and its variances, so that it has used it, and with a variance of K of 1e4. Against that of
+    the bound, 1e-2 and less where they are compared, this prior is worth 1e-6 of the variance or less; round-off is smaller.
+    """
+    trace, noise = thesis.trace, sensor_noise(thesis.plan.scenario)
+    A, b = thesis.plan.design.discrete(100)
+    R = np.diag([noise.alpha_rad**2, noise.q_rad_s**2])
+    z = np.column_stack([trace["alpha_meas_deg"], trace["q_meas_deg_s"]]) * DEG
+    found = bound(trace, design_models(trace, thesis.plan.design, control_hz=100), noise)
+    P0 = np.zeros((3, 3))
+    P0[:2, :2], P0[2, 2] = R, 1e4
+    u = trace["elevator_mean_meas_deg"][1:] * DEG
+    filtered = estimate_record(A, b, np.eye(2), Q=np.zeros((2, 2)), R=R, u=u, z=z[1:], x0=np.append(z[0], 1.0), P0=P0)
+    sigma = np.sqrt(filtered.P[:, 2, 2])
+    told = sigma < 0.1
+    assert told.sum() > 500
+    assert found[1:][told] == pytest.approx(sigma[told], rel=1e-6)
+    assert sigma[-1] < 0.01 < sigma[told].max()

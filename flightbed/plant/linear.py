@@ -36,7 +36,7 @@ class LinearPlant:
     thesis's form, with S b = (force share x Z_delta, K x M_delta). The period's mean deflection is exact too: it is the integral of a
     state of the matrix exponential. A gust w adds w/V to the angle of attack, for the forces and for the vane; it is held over a period
     at the mean of its values at both ends. Flight path and load factor are the kinematics of the motion at constant speed,
-    nz = 1 + V (q - alpha')/g, alpha without the gust.
+    nz = cos(gamma) + V gamma'/g, gamma = theta - alpha without the gust, gamma' its mean over the last period.
 
     Args:
         design: the model to fly; starts at its trim, level.

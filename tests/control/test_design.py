@@ -151,3 +151,51 @@ def test_unreachable_poles_are_a_design_error() -> None:
         design_proportional(_plant(), [-1.0, -2 + 1j, -3 + 1j])
     with pytest.raises(DesignError, match="3 states, 2 poles are given"):
         design_proportional(_plant(), [-1.0, -2.0])
+
+
+@pytest.mark.parametrize("integral", [0.0, -2.5])
+@pytest.mark.parametrize(("effectiveness", "correction"), [(1.0, 1.0), (0.3, 1.0), (0.3, 2.5)])
+def test_closed_loop_equals_the_loop_that_python_control_closes(
+    design: ShortPeriod, integral: float, effectiveness: float, correction: float
+) -> None:
+    """Blocks wired by name: actuator, airframe, sum of gains, integral of r - q; poles, and the response from r to q."""
+    gains = Gains(0.3, 0.8, -0.3, -0.9, integral)
+    A, b = design.with_actuator(effectiveness)
+    loop = closed_loop(design, gains, effectiveness=effectiveness, correction=correction)
+    airframe = control.ss(
+        A[:2, :2], effectiveness * design.b[:, None], np.eye(2), 0, inputs="d", outputs=["a", "q"], name="airframe"
+    )
+    actuator = control.tf([b[2]], [1.0, b[2]], inputs="c", outputs="d", name="actuator")
+    law = control.ss(
+        [], [], [], correction * np.array([[gains.reference, gains.alpha, gains.q, gains.elevator, integral]]),
+        inputs=["r", "a", "q", "d", "i"], outputs="c", name="law",
+    )  # fmt: skip
+    error = control.ss([], [], [], [[1.0, -1.0]], inputs=["r", "q"], outputs="e", name="error")
+    integrator = control.tf([1.0], [1.0, 0.0], inputs="e", outputs="i", name="integrator")
+    wired = control.interconnect(
+        [airframe, actuator, law, error, integrator], inputs="r", outputs="q", check_unused=False
+    )
+    poles = np.linalg.eigvals(loop) if integral else [*np.linalg.eigvals(loop), 0.0]  # theirs integrates all the same
+    assert np.sort_complex(np.array(poles, dtype=complex)) == pytest.approx(np.sort_complex(wired.poles()), abs=1e-8)
+    n = len(loop)
+    input_ = np.array([0.0, 0.0, correction * gains.reference * b[2], 1.0])[:n, None]
+    ours = control.ss(loop, input_, np.eye(n)[1:2], 0)
+    frequencies = [0.1, 1.0, 10.0, 100.0]
+    assert ours(1j * np.array(frequencies)) == pytest.approx(wired(1j * np.array(frequencies)), rel=1e-8)
+
+
+@pytest.mark.parametrize("feedback", [(0.283, 0.876, -0.4), (0.5, 1.2, 0.0), (1.0, 0.1, -2.0)])
+def test_reference_gain_is_one_over_python_controls_dc_gain(design: ShortPeriod, feedback: tuple[float, ...]) -> None:
+    A, b = design.with_actuator()
+    loop = control.feedback(control.ss(A, b[:, None], np.eye(3), 0), control.ss([], [], [], [feedback]), sign=1)
+    dc = float(np.real(control.dcgain(loop)[1, 0]))
+    assert reference_gain(design, feedback) == pytest.approx(1.0 / dc, rel=1e-9)
+
+
+def test_an_elevator_without_a_steady_pitch_rate_has_no_reference_gain() -> None:
+    """M_alpha Z_delta = Z_alpha M_delta: the steady pitch rate of a deflection is nil."""
+    design = ShortPeriod(np.array([[-1.0, 1.0], [-2.0, -1.0]]), np.array([-3.0, -6.0]), 20.0)
+    dead = ShortPeriod(design.A, np.array([3.0, 6.0]), 20.0)
+    for model in (design, dead):
+        with pytest.raises(DesignError, match="no steady effect on pitch rate"):
+            reference_gain(model, (0.1, 0.1, 0.0))

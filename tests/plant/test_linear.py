@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import pi
 
 import control
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.stats import chi2, norm
 
 from flightbed.gusts import calm, one_minus_cosine
+from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.plant.linear import LinearPlant
 from flightbed.short_period import ShortPeriod
-from flightbed.signals import HEALTHY, Health
+from flightbed.signals import HEALTHY, Health, Truth
+from flightbed.units import DEG, G0
 
 
 def test_equals_python_controls_response(design: ShortPeriod) -> None:
@@ -98,3 +103,186 @@ def test_what_it_cannot_fly_is_refused(design: ShortPeriod) -> None:
     gusts = one_minus_cosine(calm, at_s=1.0, up_m_s=1.0, rise_s=1.0, hold_s=1.0)
     with pytest.raises(ValueError, match="needs airspeed_m_s"):
         LinearPlant(design, control_hz=100, gusts=gusts)
+
+
+def _by_hand(design: ShortPeriod, health: Health, *, absolute: bool, dt: float) -> np.ndarray:
+    """exp of the matrix over (alpha, q, elevator, integral of elevator, command, 1), absolute deflections, written out."""
+    (za, zq), (ma, mq), (zd, md) = *design.A, design.b
+    force, K, lag, trim = health.elevator_force, health.effectiveness, design.actuator_rad_s, design.elevator_trim_rad
+    lift, moment = (zd * trim, md * trim) if absolute else (force * zd * trim, K * md * trim)
+    M = np.array([
+        [za, zq, force * zd, 0, 0, -lift],
+        [ma, mq, K * md, 0, 0, -moment],
+        [0, 0, -lag, 0, lag, 0],
+        [0, 0, 1, 0, 0, 0],
+        [0, 0, 0, 0, 0, 0],
+        [0, 0, 0, 0, 0, 0],
+    ])  # fmt: skip
+    held: np.ndarray = expm(M * dt)
+    return held
+
+
+@pytest.mark.parametrize("absolute", [True, False])
+def test_shares_that_come_and_go_in_flight_against_matrices_written_out(design: ShortPeriod, absolute: bool) -> None:
+    """Force and moment apart, ramping and back to a Health seen before; round-off only."""
+    damaged = [Health(0.3, 0.9), Health(0.3, 0.9), Health(1.0, 0.0), Health(0.0, 1.0), HEALTHY, Health(0.3, 0.9)]
+    ramp = [Health(1.0 - k / 40, 1.0 - k / 80) for k in range(20)]
+    healths = [HEALTHY, *damaged, *ramp, Health(), HEALTHY, *reversed(damaged)]
+    plant = LinearPlant(design, control_hz=100, absolute=absolute)
+    y = np.array([0.0, 0.0, design.elevator_trim_rad, 0.0])
+    for tick, health in enumerate(healths):
+        command = design.elevator_trim_rad + 0.05 * np.cos(0.3 * tick)
+        plant.advance(command, health, health)
+        y = (_by_hand(design, health, absolute=absolute, dt=0.01) @ [*y[:3], 0.0, command, 1.0])[:4]
+        truth = plant.sense(health)
+        found = [truth.alpha_rad - design.alpha_trim_rad, truth.q_rad_s, truth.elevator_rad, truth.elevator_mean_rad]
+        assert found == pytest.approx([*y[:3], y[3] / 0.01], abs=1e-13), tick
+        assert (truth.effectiveness, truth.elevator_force) == (health.effectiveness, health.elevator_force)
+
+
+def _noisy(design: ShortPeriod, stds: tuple[float, float], seed: int, ticks: int) -> np.ndarray:
+    """(ticks + 1, 2): alpha and q, deviations from trim, with the elevator at trim."""
+    plant, flown = LinearPlant(design, control_hz=100, process_noise=stds, seed=seed), [[0.0, 0.0]]
+    for _ in range(ticks):
+        plant.advance(design.elevator_trim_rad, HEALTHY, HEALTHY)
+        truth = plant.sense()
+        flown.append([truth.alpha_rad - design.alpha_trim_rad, truth.q_rad_s])
+    return np.array(flown)
+
+
+@pytest.mark.parametrize("stds", [(0.05, 0.0), (0.0, 0.4), (0.05, 0.4)])
+def test_process_noise_has_the_covariance_of_the_sum(
+    rng: np.random.Generator, design: ShortPeriod, stds: tuple[float, float]
+) -> None:
+    """P_n = sum of Phi^k G S G' Phi^k', G the integral of exp(A t) over a period; 1000 flights of 40 ticks, each with its own seed.
+
+    Whitened by P, the sample covariance is that of unit normal pairs. Bounds that chance breaks once in 10,000 seeds, each.
+    """
+    runs, ticks = 1000, 40
+    block = np.zeros((4, 4))
+    block[:2, :2], block[:2, 2:] = design.A, np.eye(2)
+    held = expm(block * 0.01)
+    phi, G = held[:2, :2], held[:2, 2:]
+    P = np.zeros((2, 2))
+    for k in range(ticks):
+        power = np.linalg.matrix_power(phi, k) @ G
+        P += power @ np.diag(np.square(stds)) @ power.T
+    seeds = rng.integers(2**31, size=runs).tolist()
+    x = np.array([_noisy(design, stds, seed, ticks)[-1] for seed in seeds])
+    white = np.linalg.solve(np.linalg.cholesky(P), x.T)
+    for row in white:
+        assert chi2.ppf(0.5e-4, runs) < row @ row < chi2.ppf(1 - 0.5e-4, runs)
+        assert abs(row.sum()) < norm.ppf(1 - 0.5e-4) * np.sqrt(runs)
+    # A product of two unit normals has variance 1, and the sum of 1000 is normal enough.
+    assert abs(white[0] @ white[1]) < norm.ppf(1 - 0.5e-4) * np.sqrt(runs)
+
+
+def test_process_noise_is_white_repeatable_and_of_its_seed(design: ShortPeriod) -> None:
+    """Recovered from the motion, over more ticks than are drawn at a time; bounds that chance breaks once in 10,000 seeds, each."""
+    stds, ticks = (1e-4, 1e-3), 1300
+    x = _noisy(design, stds, 7, ticks)
+    assert np.array_equal(_noisy(design, stds, 7, ticks), x)
+    assert np.all(_noisy(design, stds, 8, 1)[1] != x[1])
+    assert np.abs(x).max() < 100.0  # the unstable motion has not swallowed the digits of w, 1e-6 in a period
+    block = np.zeros((4, 4))
+    block[:2, :2], block[:2, 2:] = design.A, np.eye(2)
+    held = expm(block * 0.01)
+    w = np.linalg.solve(held[:2, 2:], x[1:].T - held[:2, :2] @ x[:-1].T) / np.array(stds)[:, None]
+    for row in w:
+        assert chi2.ppf(0.5e-4, ticks) < row @ row < chi2.ppf(1 - 0.5e-4, ticks)
+        for lag in (1, 2, 1024):  # a block that came again would correlate wholly
+            assert abs(row[lag:] @ row[:-lag]) < norm.ppf(1 - 0.5e-4) * np.sqrt(ticks - lag)
+
+
+def _kinematics(hz: int) -> tuple[list[Truth], np.ndarray, np.ndarray]:
+    """Fly a second of the thesis's aircraft in commands that change at 25 Hz.
+
+    Returns the truth at 25 Hz; the exact (alpha, q, elevator, theta, altitude, north) there, and nz; the largest |q''|,
+    |gamma''| and |gamma'| on the way.
+    """
+    aircraft = load_linear_aircraft("sillence")
+    design, V = aircraft.design, aircraft.airspeed_m_s
+    plant = LinearPlant(design, control_hz=hz, airspeed_m_s=V, mach=0.9, altitude_m=6000.0)
+    A3, b3 = design.with_actuator()
+
+    def rates(_t: float, y: np.ndarray, command: float) -> list[float]:
+        gamma = y[3] - y[0]
+        return [*(A3 @ y[:3] + b3 * command), y[1], V * np.sin(gamma), V * np.cos(gamma)]
+
+    y, flown, exact, largest = np.array([0.0, 0.0, 0.0, 0.0, 6000.0, 0.0]), [], [], np.zeros(3)
+    for k in range(25):
+        command = 4 * DEG * np.sin(0.25 * k + 0.5)
+        for _ in range(hz // 25):
+            plant.advance(command, HEALTHY, HEALTHY)
+        flown.append(plant.sense())
+        found = solve_ivp(rates, (0, 0.04), y, args=(command,), rtol=1e-12, atol=1e-13)
+        for state in found.y.T:
+            x_dot = A3 @ state[:3] + b3 * command
+            second = A3 @ x_dot
+            largest = np.maximum(largest, np.abs([second[1], x_dot[1] - second[0], state[1] - x_dot[0]]))
+        y = found.y[:, -1]
+        climb_rate = y[1] - (A3 @ y[:3] + b3 * command)[0]  # gamma'
+        exact.append([*y, np.cos(y[3] - y[0]) + V * climb_rate / G0])
+    return flown, np.array(exact), largest
+
+
+def test_flight_path_against_integration() -> None:
+    """alpha, q and elevator are exact. The rest is of second order in dt; what bounds it over T = 1 s:
+
+    theta, the trapezoidal rule on q: T dt^2 |q''| / 12. Altitude and north, V sin and V cos of the mean of gamma at both ends:
+    the rule's T dt^2 (|gamma''| + gamma'^2) / 12, dt^2 gamma'^2 / 8 for the sine of a mean, and the error of theta.
+    """
+    flown, exact, (q_2, gamma_2, gamma_1) = _kinematics(100)
+    found = np.array([[t.alpha_rad, t.q_rad_s, t.elevator_rad, t.theta_rad, t.altitude_m, t.north_m] for t in flown])
+    error = np.abs(found - exact[:, :6]).max(axis=0)
+    V, dt = load_linear_aircraft("sillence").airspeed_m_s, 0.01
+    assert error[:3] == pytest.approx(0.0, abs=1e-11)
+    assert 0.0 < error[3] < dt**2 * q_2 / 12
+    assert error[4:].max() < V * dt**2 * (q_2 / 12 + (gamma_2 + gamma_1**2) / 12 + gamma_1**2 / 8)
+    assert np.ptp(exact[:, 4]) > 5.0  # metres: it does climb
+    assert {t.mach for t in flown} == {0.9}
+    assert {t.airspeed_m_s for t in flown} == {V}
+
+
+def test_flight_path_converges_with_the_square_of_the_period_and_load_factor_with_the_period() -> None:
+    """nz is cos(gamma) + V gamma' / g with the mean gamma' of the last period: half a period late, so of first order."""
+    errors = []
+    for hz in (100, 200, 400):
+        flown, exact, _ = _kinematics(hz)
+        found = np.array([[t.theta_rad, t.altitude_m, t.north_m, t.nz_g] for t in flown])
+        errors.append(np.abs(found - exact[:, 3:]).max(axis=0))
+    for coarse, fine in pairwise(errors):
+        assert coarse / fine == pytest.approx([4.0, 4.0, 4.0, 2.0], rel=0.15)
+    assert errors[0][3] < 0.1 * np.ptp(exact[:, 6])
+
+
+def test_load_factor_is_the_mean_over_the_period() -> None:
+    """Against the exact flight path at both ends of each period; off by what the trapezoidal theta adds in one, V dt^2 |q''| / (12 g)."""
+    aircraft = load_linear_aircraft("sillence")
+    A, b = aircraft.design.with_actuator()
+    V, dt = aircraft.airspeed_m_s, 0.01
+    plant, y = LinearPlant(aircraft.design, control_hz=100, airspeed_m_s=V), np.zeros(4)
+    assert plant.sense().nz_g == 1.0
+    M = np.zeros((5, 5))
+    M[:3, :3], M[3, 1], M[:3, 4] = A, 1.0, b
+    held = expm(M * dt)
+    found, mean, jerk = [], [], 0.0
+    for tick in range(60):
+        command, gamma_before = 5 * DEG * np.sin(0.1 * tick), y[3] - y[0]
+        plant.advance(command, HEALTHY, HEALTHY)
+        found.append(plant.sense().nz_g)
+        y = (held @ [*y, command])[:4]
+        mean.append(np.cos(y[3] - y[0]) + V / G0 * (y[3] - y[0] - gamma_before) / dt)
+        jerk = max(jerk, abs(float(A[1] @ (A @ y[:3] + b * command))))
+    assert np.ptp(found) > 2.0
+    # A fifth more for |q''| between the ticks: the fastest mode is the actuator's, exp(20 x 0.01).
+    assert np.abs(np.subtract(found, mean)).max() < 1.2 * V / G0 * dt**2 / 12 * jerk
+
+
+def test_without_an_airspeed_there_is_attitude_but_no_flight_path(design: ShortPeriod) -> None:
+    plant = LinearPlant(design, control_hz=100, altitude_m=6000.0)
+    for _ in range(50):
+        plant.advance(design.elevator_trim_rad - 0.02, HEALTHY, HEALTHY)
+    truth = plant.sense()
+    assert truth.theta_rad > design.alpha_trim_rad + 0.01
+    assert np.isnan([truth.nz_g, truth.altitude_m, truth.north_m, truth.airspeed_m_s]).all()
