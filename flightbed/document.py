@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
-from flightbed.statistics import Interval, Spread
+from flightbed.statistics import Interval, Outcome, Spread
 
-Cell = str | float | int | None | Spread | Interval
+Cell = str | float | int | None | Spread | Interval | Outcome
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Claim:
         text: the claim.
         measured: what was computed to decide it.
         interval: of that.
-        holds: whether the computation agrees, with 95 % confidence.
+        holds: whether the computation agrees, with 95 % confidence; None if these runs do not settle it.
 
     """
 
@@ -55,7 +55,7 @@ class Claim:
     text: str
     measured: str
     interval: Interval
-    holds: bool
+    holds: bool | None
 
 
 @dataclass(frozen=True)
@@ -129,6 +129,18 @@ def show(cell: Cell, spec: str = ".4g") -> str:
     """Return a cell as text: median [5 %, 95 %] of a spread, estimate (95 % interval) of an interval, - for nothing."""
     if cell is None or (isinstance(cell, float) and cell != cell):
         return "-"
+    if isinstance(cell, Outcome):
+        gone = cell.gone_s.runs - cell.gone_s.missing
+        parts = (
+            []
+            if gone == cell.gone_s.runs
+            else [f"{cell.stayed.median:{spec}} [{cell.stayed.low:{spec}}, {cell.stayed.high:{spec}}]"]
+        )
+        if gone:
+            parts.append(
+                f"{gone} of {cell.gone_s.runs} gone at {cell.gone_s.median:.2f} s [{cell.gone_s.low:.2f}, {cell.gone_s.high:.2f}]"
+            )
+        return "; ".join(parts)
     if isinstance(cell, Spread):
         if cell.missing == cell.runs:
             return "never"
@@ -141,6 +153,6 @@ def show(cell: Cell, spec: str = ".4g") -> str:
 
 def _plain(cell: Cell) -> Any:
     """Return a cell for JSON, which has neither nan nor infinity: both are null."""
-    if isinstance(cell, Spread | Interval):
+    if isinstance(cell, Spread | Interval | Outcome):
         return {k: _plain(v) for k, v in vars(cell).items()}
     return None if isinstance(cell, float) and not isfinite(cell) else cell

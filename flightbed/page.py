@@ -22,6 +22,7 @@ figcaption { font-size: .92rem; } figcaption b { display: block; }
 .facts { color: #444; } .note { color: #555; font-size: .9rem; margin-top: -1rem; }
 .claim { border-left: 4px solid; padding: .2rem .8rem; margin: .8rem 0; break-inside: avoid; }
 .yes { border-color: #009e73; } .no { border-color: #d55e00; }
+.open { border-color: #999; }
 @media print { body { max-width: none; margin: 0; font-size: 11px; } nav { display: none; } }
 """
 
@@ -63,11 +64,18 @@ def _cell(value: Cell, shown: str) -> str:
     return f"<td{'' if isinstance(value, str) else ' class=n'}>{escape(shown)}</td>"
 
 
+_VERDICTS = {
+    True: ("yes", "The computation agrees."),
+    False: ("no", "The computation does not bear this out."),
+    None: ("open", "These runs do not settle it."),
+}
+
+
 def _claim(claim: Claim) -> str:
     i = claim.interval
-    verdict = "The computation agrees." if claim.holds else "The computation does not bear this out."
+    kind, verdict = _VERDICTS[claim.holds]
     return (
-        f'<div class="claim {"yes" if claim.holds else "no"}"><b>{escape(claim.text)}</b> {verdict}<br>'
+        f'<div class="claim {kind}"><b>{escape(claim.text)}</b> {verdict}<br>'
         f"{escape(claim.measured)}: {i.estimate:.3g} (95 % interval {i.low:.3g} to {i.high:.3g}, {i.runs} runs)</div>"
     )
 

@@ -87,12 +87,12 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
     yield Padding(Text(table.note, style="dim"), (0, 1))
     told = Table(box=None, show_header=False, padding=(0, 1))
     for claim in claims:
-        verdict = "[green]holds[/green]" if claim.holds else "[red]no[/red]"
+        verdict = {True: "[green]holds[/green]", False: "[red]no[/red]", None: "[dim]open[/dim]"}[claim.holds]
         told.add_row(
             verdict, f"{escape(claim.text)} [dim]{escape(claim.measured)}: {show(claim.interval, '.3g')}[/dim]"
         )
     yield told
-    held = sum(claim.holds for claim in claims)
+    held = sum(bool(claim.holds) for claim in claims)
     yield (
         f"  {held} of {len(claims)} claims hold; {facts['flights']} flights in {facts['wall_time_s']:.0f} s; "
         f"{len(document.pictures())} figures; written to {escape(str(written))}"

@@ -10,9 +10,6 @@ import numpy.typing as npt
 
 Vector = npt.NDArray[np.float64]
 
-_RESAMPLES = 2000
-_SEED = 19990305  # of the bootstrap: the same data give the same interval
-
 
 @dataclass(frozen=True)
 class Spread:
@@ -42,6 +39,26 @@ class Interval:
     runs: int
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """What came of flights that may end early.
+
+    Attributes:
+        stayed: a value of those that flew to the end; missing: those that did not.
+        gone_s: when the others ended; missing: those that stayed.
+
+    """
+
+    stayed: Spread
+    gone_s: Spread
+
+
+def outcome(values: Sequence[float | None], gone_s: Sequence[float | None]) -> Outcome:
+    """Return the spread of a value over the flights that stayed, and of the time at which the others went."""
+    stayed = [None if gone is not None else value for value, gone in zip(values, gone_s, strict=True)]
+    return Outcome(spread(stayed), spread(gone_s))
+
+
 def spread(values: Sequence[float | None]) -> Spread:
     """Return median and 5-95 % range."""
     had = np.array([v for v in values if v is not None and np.isfinite(v)], dtype=np.float64)
@@ -64,16 +81,16 @@ def share(successes: int, runs: int) -> Interval:
 
 
 def median_interval(values: Sequence[float]) -> Interval:
-    """Return the median with its bootstrap percentile interval; of paired differences it is a test of their sign.
+    """Return the median with the interval between order statistics that holds it with at least 95 % (of the sign test).
 
-    Values may be infinite, of what never happened; an end of the interval that falls between a finite and an infinite median is infinite.
+    Exact for any distribution: the k-th smallest and k-th largest of n values hold the median unless fewer than k of them lie on
+    one side of it, a binomial count (Conover, Practical Nonparametric Statistics, S 3.2). Of paired differences it is a test of their
+    sign. Fewer than 6 values hold it with less than 95 % whatever they are: the interval is then infinite. Values may be infinite,
+    of what never happened.
     """
-    data = np.asarray(values, dtype=np.float64)
-    rng = np.random.default_rng(_SEED)
-    medians = np.median(rng.choice(data, size=(_RESAMPLES, data.size)), axis=1)
-    if np.all(np.isfinite(medians)):
-        low, high = np.percentile(medians, [2.5, 97.5]).tolist()
-    else:  # nothing lies between a number and infinity: outwards
-        low = float(np.percentile(medians, 2.5, method="lower"))
-        high = float(np.percentile(medians, 97.5, method="higher"))
+    from scipy.stats import binom  # slow to import
+
+    data = np.sort(np.asarray(values, dtype=np.float64))
+    k = int(binom.ppf(0.025, data.size, 0.5))  # P(count < k) <= 0.025 < P(count <= k)
+    low, high = (float(data[k - 1]), float(data[-k])) if k else (-np.inf, np.inf)
     return Interval(float(np.median(data)), low, high, data.size)

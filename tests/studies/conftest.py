@@ -13,7 +13,7 @@ from flightbed.studies.sillence import printed, setup, tables
 from flightbed.studies.sillence.claims import claims
 from flightbed.studies.sillence.figures import figures
 
-RUNS = 24  # noise draws, seeds 0 to 23
+RUNS = 60  # noise draws, seeds 0 to 59
 
 
 @dataclass(frozen=True)
@@ -39,5 +39,5 @@ def flown() -> Flights:
     with processes() as executor:
         flights = dict(zip((job.scenario for job in jobs), fly_jobs(jobs, executor=executor), strict=True))
     built = {n: p.build([flights[job.scenario][: job.runs] for job in p.jobs]) for n, p in parts.items()}
-    by_gain = {left: flights[setup.thesis(left=left)][:RUNS] for left in printed.GAINS_LEFT}
+    by_gain = {left: flights[tables.flight(left)][:RUNS] for left in printed.GAINS_LEFT}
     return Flights(**built, by_gain=by_gain)

@@ -12,7 +12,7 @@ from flightbed import registry
 from flightbed.document import Section, Table
 from flightbed.ensemble import fly_jobs
 from flightbed.studies.base import Part
-from flightbed.studies.sillence import aircraft, damage, examples, inputs, level
+from flightbed.studies.sillence import aircraft, damage, examples, inputs, level, variants
 from flightbed.studies.sillence.study import parts
 
 
@@ -34,15 +34,15 @@ def test_the_study_has_every_letter_of_the_future_work_and_every_key_once() -> N
         level.real_time,
         level.level,
     ]
-    assert len(parts(1)) == 6 + len(letters)
-    assert max(job.runs for job in parts(100)[10].jobs) == 500
+    assert len(parts(1)) == 7 + len(letters)
+    assert max(job.runs for job in parts(100)[11].jobs) == 500
 
 
 def test_sines_find_what_is_known() -> None:
     tested = examples.sine_tests()
     assert len(tested) == 6
     for name, known, found in tested:
-        assert found == pytest.approx(known, rel=1e-5), name  # the gain is extrapolated to 0
+        assert found == pytest.approx(known, rel=1e-9), name
 
 
 def test_the_weight_of_the_readings_takes_bias_and_scatter() -> None:
@@ -117,13 +117,38 @@ def test_disturbances_section() -> None:
 def test_aircraft_section() -> None:
     tables = _tables(_built(aircraft.experiment(1)))
     tracking, estimates = tables["aircraft_tracking"], tables["aircraft_estimates"]
-    assert len(tracking.rows) == len(estimates.rows) == 12
+    assert len(tracking.rows) == len(estimates.rows) == 18
     scheduled, window = (estimates.columns.index(f"median error, {n}") for n in ("scheduled", "thesis's window"))
     for row in estimates.rows:
         assert row[scheduled].median < 0.03 < row[window].median, row[:2]
-    gone = {tuple(row[:2]): row[tracking.columns.index("departed, fixed")].estimate for row in tracking.rows}
-    assert gone["Mach 0.9, +-10 deg/s", 1.0] == 1.0  # the intact aircraft departs in the thesis's commands
-    assert [gone["Mach 0.8, +-5 deg/s", k] for k in (1.0, 0.4, 0.2, 0.1)] == [0.0, 0.0, 1.0, 1.0]
+    stays = {
+        (row[0], row[1], law): cell.gone_s.missing == 1
+        for row in tracking.rows
+        for law, cell in zip(aircraft.ADAPTED, row[2:], strict=True)
+    }
+    his, flyable = "Mach 0.9, +-10 deg/s, P", "Mach 0.8, +-5 deg/s, P"
+    assert not any(stays[his, k, law] for k in aircraft.GAINS for law in ("fixed", "scheduled", aircraft.ORACLE))
+    assert [stays[his, k, "thesis's window"] for k in aircraft.GAINS] == [True] * 4 + [False] * 2
+    assert [stays[flyable, k, "fixed"] for k in aircraft.GAINS] == [True] * 4 + [False] * 2
+    assert [stays[flyable, k, "scheduled"] for k in aircraft.GAINS] == [True] * 5 + [False]
+    assert not stays[flyable, 0.1, aircraft.ORACLE]
+    assert stays[flyable, 0.1, "thesis's window"]
+    assert stays[flyable.replace("P", "PI"), 0.1, "scheduled"]
+
+
+def test_variants_section() -> None:
+    table = _tables(_built(variants.grid(1)))["variants"]
+    assert len(table.rows) == 2 * 5 * 4
+    rows = {tuple(row[:4]): row[4:] for row in table.rows}
+    for (law, snr, bounds, smoothing), values in rows.items():
+        fixed, adapted, error, _, entry = (value.median for value in values)
+        assert adapted < 0.2 * fixed
+        assert fixed == pytest.approx(rows["P", snr, bounds, smoothing][0].median, rel=1e-3)  # P or PI
+        if smoothing == 0.7:
+            slower = rows[law, snr, bounds, 0.9]
+            assert entry < slower[4].median - 0.1
+            assert adapted < slower[1].median
+            assert (error > slower[2].median) == (float(snr) < 50.0)
 
 
 def test_histories_section() -> None:

@@ -12,15 +12,22 @@ import pytest
 from scipy.signal import lfilter
 
 from flightbed.document import Claim, Picture, Table
+from flightbed.ensemble import fly_jobs
 from flightbed.mission import fly_plan, plan
 from flightbed.studies.sillence import printed, setup, tables
-from flightbed.studies.sillence.claims import NEAR, SIGNIFICANT
+from flightbed.studies.sillence.claims import NEAR, REMOVED, SIGNIFICANT, claims
 from flightbed.studies.sillence.setup import EXPANDING, WINDOW
 from tests.studies.conftest import RUNS, Flights
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "sillence.toml").read_text())
-LOOSE = ("adaptation_costs_excitation",)
-DISAGREE = {"adaptive_near_unfailed_position", "bounded_significant", "two_sigma"}
+CONTRARY = {
+    "adaptive_near_unfailed_position_window", "adaptive_near_unfailed_position_readings", "bounded_significant_0.2", "bounded_significant_0.1",
+    "hump_removed_0.2", "hump_removed_0.1", "two_sigma",
+}  # fmt: skip
+# Too near to the limit for 60 draws; what is tested of them is how near.
+SLIGHT = {"better_after_0.8", "bounded_0.1_post"} | {
+    f"adaptation_costs_excitation_{feedback}_{fed}" for feedback, fed in setup.LAWS_READ
+}
 
 
 def test_the_printed_numbers_are_those_of_the_print() -> None:
@@ -76,21 +83,32 @@ def test_the_glance_says_the_same(flown: Flights) -> None:
     assert all(row[-1] == "yes" for row in table.rows)
 
 
-def test_the_default_set_up_is_the_nearest_of_all_that_were_flown(flown: Flights) -> None:
+def test_the_default_set_up_cannot_be_told_from_the_nearest(flown: Flights) -> None:
     (table,) = flown.search.items
     assert isinstance(table, Table)
-    default = setup.DEFAULT
+    default, found = setup.DEFAULT, table.rows[1:]
     assert table.rows[0][0] == "print"
-    assert list(table.rows[1][:4]) == [default.input_at, default.start_s, default.first_reading, default.fed_back]
-    distances = [float(row[4]) for row in table.rows[1:]]
+    distances = [row[4] for row in found]
     assert distances == sorted(distances)
-    assert len(distances) == len({tuple(row[:4]) for row in table.rows[1:]}) == 4 * 3 * 2 + 1
+    assert len(found) == len({tuple(row[:4]) for row in found}) == 4 * 3 * 2 + 3 * 2
+    (own,) = [
+        row
+        for row in found
+        if list(row[:4]) == [default.input_at, default.start_s, default.first_reading, default.fed_back]
+    ]
+    assert own[5].low <= 0.0
+    readings = [row for row in found if row[3] == "readings"]
+    assert own is readings[0]  # of those that feed the readings, as his text has it, it is the nearest
+    far = {row[0]: row for row in readings if row[1] == 0.0 and row[2] == default.first_reading and row is not own}
+    assert all(row[5].low > 0.0 for row in far.values())  # which deflection u_k is can be told
 
 
 def test_distance_is_one_at_the_tolerance() -> None:
     final = [printed.TABLE_4[k][0] + 0.01 for k in printed.GAINS_LEFT]
-    raw, smoothed = ([printed.TABLE_5[k][i] - 0.08 for k in printed.GAINS_LEFT] for i in (0, 1))
-    assert setup.distances(final, raw, smoothed) == pytest.approx([1.0] * 5 + [-1.0] * 10)
+    entries = [printed.TABLE_5[k][i] - 0.08 for i in (0, 1) for k in printed.GAINS_LEFT]
+    off = setup.distances(np.array(final + entries))
+    assert off == pytest.approx([1.0] * 5 + [-1.0] * 10)
+    assert setup.distances(np.array([final + entries] * 2).T) == pytest.approx(np.array([off, off]).T)
 
 
 def test_how_the_smoother_starts_does_not_matter() -> None:
@@ -109,10 +127,12 @@ def _claims(flown: Flights) -> dict[str, Claim]:
 
 
 def test_which_claims_hold(flown: Flights) -> None:
-    """All orderings that the thesis argues from, but for three, which docs/sillence.md tells."""
+    """All orderings that the thesis argues from, but for those that docs/sillence.md tells."""
     judged = _claims(flown)
-    assert {key for key, claim in judged.items() if not claim.holds} - set(LOOSE) == DISAGREE
+    assert {key for key, claim in judged.items() if claim.holds is not True} - SLIGHT == CONTRARY
+    assert all(judged[key].holds is False for key in CONTRARY)
     assert all(claim.interval.low <= claim.interval.estimate <= claim.interval.high for claim in judged.values())
+    assert SLIGHT | CONTRARY < judged.keys()
 
 
 @pytest.mark.parametrize("left", printed.GAINS_LEFT)
@@ -121,40 +141,61 @@ def test_the_window_is_quicker_than_the_expanding_horizon(flown: Flights, left: 
     assert _claims(flown)[f"window_quicker_{left:g}_{kind}"].interval.high < -0.5
 
 
-@pytest.mark.parametrize("key", ["better_after_0.2", "better_after_0.1", "larger_better"])
-def test_a_larger_failure_is_estimated_better_after_than_before(flown: Flights, key: str) -> None:
-    assert _claims(flown)[key].interval.high < 0.0
-
-
-@pytest.mark.parametrize("phase", ["pre", "post"])
-@pytest.mark.parametrize("left", [0.2, 0.1])
-def test_bounds_help_tracking_at_23_db_but_hardly(flown: Flights, left: float, phase: str) -> None:
+@pytest.mark.parametrize("left", printed.GAINS_LEFT[1:])
+def test_a_larger_failure_is_estimated_better_after_than_before(flown: Flights, left: float) -> None:
     claims = _claims(flown)
-    assert -0.02 < claims[f"bounded_{left:g}_{phase}"].interval.estimate
-    assert claims[f"bounded_{left:g}_{phase}"].interval.high < 0.0
-    assert claims["bounded_significant"].interval.high < SIGNIFICANT
+    assert claims[f"better_after_{left:g}"].interval.high < 0.0
+    assert claims[f"larger_better_{left:g}"].interval.high < 0.0
 
 
-def test_adaptive_tracking_is_near_the_unfailed_one_in_one_reading_of_the_law(flown: Flights) -> None:
+def test_a_small_failure_is_estimated_as_after_as_before(flown: Flights) -> None:
+    interval = _claims(flown)["better_after_0.8"].interval
+    assert -0.02 < interval.low < interval.high < 0.01
+
+
+@pytest.mark.parametrize(("feedback", "fed"), setup.LAWS_READ)
+def test_adaptation_hardly_costs_excitation(flown: Flights, feedback: str, fed: str) -> None:
+    """The thesis sees a significant reduction of estimation performance; the RMS error is 0.02, and moves by a tenth of it."""
+    interval = _claims(flown)[f"adaptation_costs_excitation_{feedback}_{fed}"].interval
+    assert -0.005 < interval.low < interval.high < 0.005
+
+
+def test_bounds_help_tracking_at_23_db_but_hardly(flown: Flights) -> None:
     claims = _claims(flown)
-    assert claims["adaptive_near_unfailed_effective"].interval.low > NEAR
-    assert 0.6 < claims["adaptive_near_unfailed_position"].interval.high < NEAR
+    for key in ("bounded_0.2_pre", "bounded_0.2_post"):
+        assert -0.02 < claims[key].interval.low < claims[key].interval.high < 0.0
+    assert -0.005 < claims["bounded_0.1_post"].interval.estimate < 0.0
+    for left in ("0.2", "0.1"):
+        assert claims[f"bounded_significant_{left}"].interval.high < 0.2 * SIGNIFICANT
+        assert claims[f"hump_removed_{left}"].interval.high < 0.02 * REMOVED
 
 
-def test_two_sigma_of_the_thesis_is_too_small(flown: Flights) -> None:
-    """Its prior is known to be wrong, so its sigma cannot be honest; with the readings as the prior it is."""
-    assert 0.7 < _claims(flown)["two_sigma"].interval.high < 0.9
-    honest = setup.estimator(WINDOW, input_at="mean", prior={"state": "measurement"})
-    shares = []
-    for seed in range(8):
-        scenario = setup.thesis(left=0.6, law="proportional-integral", estimators=[honest]).with_seed(seed)
-        trace, _ = fly_plan(plan(scenario))
-        t = trace["t_s"]
-        clean = (t > 0.3) & ~((t >= 4.5) & (t < 4.8))
-        error = np.abs(trace[f"{WINDOW}.effectiveness"] - trace["effectiveness_true"])
-        shares.append(float(np.mean((error <= 2.0 * trace[f"{WINDOW}.effectiveness_std"])[clean])))
-    # Windows of 30 samples overlap: 8 flights hold about 8 * 1600 / 30 = 430 that do not, a share's deviation is 0.01.
-    assert np.mean(shares) == pytest.approx(0.9545, abs=0.03)
+@pytest.mark.parametrize("fed", [WINDOW, "readings"])
+def test_adaptive_tracking_is_near_the_unfailed_one_in_one_reading_of_the_law(flown: Flights, fed: str) -> None:
+    claims = _claims(flown)
+    assert claims[f"adaptive_near_unfailed_effective_{fed}"].interval.low > 0.97
+    assert 0.6 < claims[f"adaptive_near_unfailed_position_{fed}"].interval.high < 0.75 < NEAR
+
+
+def test_two_sigma_hold_what_they_should_with_the_mean_deflection_only(flown: Flights) -> None:
+    (table,) = [item for item in flown.claims.items if isinstance(item, Table) and item.key == "coverage"]
+    his, readings = (
+        {at.removeprefix("u_k: "): cell for at, cell in zip(table.columns[1:], row[1:], strict=True)}
+        for row in table.rows
+    )
+    for row in (his, readings):
+        # A flight's windows of 30 samples overlap: some 50 do not, so its share scatters by 0.03, and the median of 60 by 0.005.
+        assert row["mean"].estimate == pytest.approx(0.9545, abs=0.015)
+        assert row["start"].high < 0.9
+        assert row["end"].high < 0.9
+    assert abs(his["end"].estimate - readings["end"].estimate) < 0.05  # the prior costs little
+    assert _claims(flown)["two_sigma"].interval == his["end"]
+
+
+def test_too_few_draws_settle_nothing() -> None:
+    part = claims(2)
+    section = part.build(fly_jobs(part.jobs))
+    assert {item.holds for item in section.items if isinstance(item, Claim)} == {None}
 
 
 def test_every_figure_is_there_and_shows_something(flown: Flights) -> None:

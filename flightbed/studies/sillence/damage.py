@@ -59,9 +59,11 @@ def structural(runs: int) -> Part:
                 "The control vector b = (Z_delta, M_delta) may lose its two parts in different shares, as when a surface bends or loses "
                 "its tip, and the c.g. may move with what falls off. K of the filters scales both parts; the truth that they are held "
                 "against is the share of the moment, which is what the law is corrected by.",
-                "Turning b hardly touches the estimate of the moment: on the linear model and on the aircraft the elevator's force is a "
-                "small part of what moves alpha. A c.g. that moves is another matter: it changes C_m_alpha, which no K describes, and "
-                "the trim moment, which the scheduled model takes for a change of K.",
+                "Turning b moves the estimate of the moment by thousandths: on the linear model and on the aircraft the elevator's force "
+                "is a small part of what moves alpha. But sigma does not know of it: with a fifth of the moment and all of the force "
+                "left the mean NEES is 10 on the aircraft. A c.g. that moves is another matter: it changes C_m_alpha, which no K "
+                "describes, and the trim moment, which the scheduled model takes for a change of K. Five per cent of the chord on top of "
+                "the lost elevator is more than the law can hold.",
             ],
             [_simple("structural_linear", "Linear model, fixed law: the thesis's filters", flown, "linear", (WINDOW, EXPANDING)),
              _adapted("structural_f16", "F-16, adapted by the scheduled estimator", flown, "F-16")],
@@ -90,9 +92,11 @@ def disturbances(runs: int) -> Part:
         return Section(
             "(d) Process noise, turbulence and gusts",
             [
-                "The thesis's filters know of no process noise. Whatever shakes the aircraft they explain by K, and their sigma, which is "
-                "that of sensor noise alone, does not tell: the mean NEES, 1 for an honest sigma, says how far off it is. 'Matched' is "
-                "the same window, started from the readings, that is told how strong the process noise is: as good as can be, and honest.",
+                "The thesis's filters know of no process noise. Whatever shakes the aircraft they explain by K, and their sigma, which "
+                "is that of sensor noise alone, does not tell: the mean NEES, 1 for an honest sigma, says how far off it is. 'Matched' "
+                "is the same window, started from the readings, that is told how strong the process noise is: hardly better, and honest. "
+                "Where K stays after the failure, all the data since the start average the noise out, and the expanding filter's K-hat, "
+                "though sure of itself beyond measure, comes nearer than any window's.",
                 "On the aircraft nobody tells the filter. The scheduled one raises its process noise to what its readings show, and "
                 "where a window says little it holds on to its last estimate.",
             ],

@@ -67,9 +67,10 @@ def excitation(runs: int) -> Part:
                 "answers to what is fast with more elevator per deg/s. On the linear model slow inputs tell most for their energy over "
                 "the whole flight, because the unstable motion that they leave is long and large; within a window of 0.3 s it is the "
                 "broad ones, chirp and multisine, that halve the doublets' sigma, since there is no quiet stretch in them.",
-                "On the aircraft the form hardly matters, and no command is as good as any: the deflection that trims it is there at "
-                "every tick, and with the absolute input its lost moment tells of K. There the error over all data is larger than sigma "
-                "and bound: what is left is the model's, a thousandth of K, and no noise.",
+                "On the aircraft the form hardly matters, and within a window no command is as good as any: the deflection that trims it "
+                "is there at every tick, and with the absolute input its lost moment tells of K. Over all data sigma is some times the "
+                "bound, because the scheduled filter takes process noise for granted, as it must; and the error is the model's as much "
+                "as the noise's, largest without any command, where a moment that the model has wrong all the time is taken for K.",
             ],
             [
                 *(_table(plant, flown) for plant in PLANTS),
@@ -121,20 +122,22 @@ def _table(plant: str, flown: Mapping[_Key, Sequence[Flown]]) -> Table:
         spent = float(np.median([_elevator_energy(f) for f in expanding]))
         bound = float(np.median([f.columns["effectiveness_bound"][-1] for f in expanding]))
         errors = [final - 1.0 for f in expanding if (final := f.metrics.estimators[EXPANDING].final) is not None]
+        sigma = float(np.median([f.columns[f"{EXPANDING}.effectiveness_std"][-1] for f in expanding]))
         rows.append([
             name, amplitude(plant, name), spent,
-            float(np.median([f.columns[f"{EXPANDING}.effectiveness_std"][-1] for f in expanding])),
-            float(np.sqrt(np.mean(np.square(errors)))), bound, 1e3 * bound * given**0.5 if given else None, 1e3 * bound * spent**0.5,
+            sigma,
+            float(np.sqrt(np.mean(np.square(errors)))), bound, *(1e3 * x * given**0.5 if given else None for x in (sigma, bound)),
+            *(1e3 * x * spent**0.5 for x in (sigma, bound)),
             spread([_median_late(f, f"{WINDOW}.effectiveness_std") for f in window]),
             spread([_median_late(f, "effectiveness_bound") for f in window]),
         ])  # fmt: skip
     columns = (
         "input", "amplitude, deg/s", "elevator energy, deg^2 s", "sigma, all data", "RMS error, all data", "bound, all data",
-        "bound x sqrt(command energy), 1e-3 deg/sqrt(s)", "bound x sqrt(elevator energy), 1e-3 deg sqrt(s)", "sigma, window", "bound, "
-        "window",
+        "sigma x sqrt(command energy), 1e-3 deg/sqrt(s)", "bound x the same", "sigma x sqrt(elevator energy), 1e-3 deg sqrt(s)",
+        "bound x the same ", "sigma, window", "bound, window",
     )  # fmt: skip
     formats = {"amplitude, deg/s": ".2f", "elevator energy, deg^2 s": ".1f"} | dict.fromkeys(columns[3:6], ".5f")
-    formats |= dict.fromkeys(columns[6:8], ".2f") | dict.fromkeys(columns[8:10], ".3f")
+    formats |= dict.fromkeys(columns[6:10], ".2f") | dict.fromkeys(columns[10:], ".3f")
     return Table(
         f"inputs_{plant.lower()}", f"Inputs of {_energy_deg2_s(plant, 'doublet'):.0f} (deg/s)^2 s, {plant}", columns, rows, formats,
         note=f"{len(flown[plant, 'none', EXPANDING])} flights each: medians; RMS error of K-hat at the end over the flights. All data: an "

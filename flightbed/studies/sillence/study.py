@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flightbed.studies.base import Part, Study
-from flightbed.studies.sillence import aircraft, damage, examples, inputs, level, setup, tables
+from flightbed.studies.sillence import aircraft, damage, examples, inputs, level, setup, tables, variants
 from flightbed.studies.sillence.claims import claims
 from flightbed.studies.sillence.figures import figures
 
@@ -32,6 +32,7 @@ def parts(runs: int) -> Sequence[Part]:
         claims(runs),
         setup.search(),
         tables.estimation(runs),
+        variants.grid(few),
         figures(),
         examples.examples(runs),
         aircraft.experiment(few),
