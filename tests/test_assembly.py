@@ -119,6 +119,8 @@ def test_process_noise_reaches_the_plant_in_its_units_and_from_a_stream_of_its_o
     for row in w:
         assert chi2.ppf(0.5e-4, n) < row @ row < chi2.ppf(1 - 0.5e-4, n)
     assert abs(w[0] @ w[1]) < 3.9 * np.sqrt(n)
+    third = np.random.SeedSequence(5).spawn(3)[2]  # sensors, air, process: further consumers come after
+    assert w.T == pytest.approx(np.random.default_rng(third).standard_normal((n, 2)), abs=1e-6)
     assert not np.array_equal(flown(*stds, "seed=6")[0], motion)
     assert np.array_equal(flown(*stds, "seed=5")[0], motion)
     only_q = flown(stds[1], "seed=5")[0]
