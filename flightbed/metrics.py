@@ -39,7 +39,7 @@ class EstimatorMetrics:
         false_alarms: alarms before the failure.
         nees_mean_post: mean of ((K-hat - K) / sigma)^2 from 0.3 s after the failure, before the bounds; 1 if sigma is honest.
         efficiency: mean square that the Cramer-Rao bound of its column ``effectiveness_bound`` allows over the mean square error; None
-            without a schedule to compute it from.
+            without a true model to compute it from.
 
     """
 

@@ -120,7 +120,7 @@ def _quicker(flown: _Flights) -> Iterator[Claim]:
     for left in printed.GAINS_LEFT:
         flights = flown[f"fixed {left:g}"]
         for metric, word in (("first_within_20pct_s", "raw"), ("first_within_20pct_smoothed_s", "smoothed")):
-            saved = [_entry(f, WINDOW, metric) - _entry(f, EXPANDING, "first_within_20pct_s") for f in flights]
+            saved = [_sooner(f, (WINDOW, metric), (EXPANDING, "first_within_20pct_s")) for f in flights]
             yield _below(
                 f"window_quicker_{left:g}_{word}",
                 f"The moving window, {word}, finds K_1 = {left:g} sooner than the expanding horizon.",
@@ -129,9 +129,12 @@ def _quicker(flown: _Flights) -> Iterator[Claim]:
             )
 
 
-def _entry(flown: Flown, name: str, metric: str) -> float:
-    value = getattr(flown.metrics.estimators[name], metric)
-    return float("inf") if value is None else float(value)
+def _sooner(flown: Flown, one: tuple[str, str], other: tuple[str, str]) -> float:
+    """Return a time less another, s; what never happened is infinitely late, and if neither did they are even."""
+    first, second = (getattr(flown.metrics.estimators[name], metric) for name, metric in (one, other))
+    if first is None or second is None:
+        return 0.0 if first == second else float("inf" if first is None else "-inf")
+    return float(first - second)
 
 
 def _larger_failure(flown: _Flights) -> Iterator[Claim]:
@@ -182,7 +185,7 @@ def _sizes(flown: _Flights) -> Iterator[Claim]:
         "shorter_quicker",
         "A shorter window finds the failure sooner: 15 samples against 60.",
         "entry into 20 % of K_1 = 0.2, 15 samples less 60, s",
-        [_entry(f, SMALL, "first_within_20pct_s") - _entry(f, LARGE, "first_within_20pct_s") for f in flights],
+        [_sooner(f, (SMALL, "first_within_20pct_s"), (LARGE, "first_within_20pct_s")) for f in flights],
     )
     yield _below(
         "longer_calmer",
