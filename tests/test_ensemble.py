@@ -12,6 +12,7 @@ import pytest
 
 from flightbed import ensemble
 from flightbed.ensemble import Flown, Job, fly_chunk, fly_jobs, histories, processes
+from flightbed.errors import ScenarioError
 from flightbed.metrics import Metrics
 from flightbed.mission import run
 from flightbed.scenario import Scenario, load_scenario
@@ -73,6 +74,10 @@ def test_chunks_threads_and_processes_change_no_bit(
         assert executor is not None
         assert executor.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
         _assert_the_same(fly_jobs(jobs, executor=executor, progress=done.append), flown)
+        with pytest.raises(ScenarioError) as caught:  # what a worker finds is told as if it were found here
+            fly_jobs([Job(_scenario("condition.mach=0.5", "condition.gamma_deg=3"), 3)], executor=executor)
+        told = [line.partition(":")[0] for line in str(caught.value).splitlines()]
+        assert told == ["condition.mach", "condition.gamma_deg"]
     assert sorted(done) == [1, 2, 2, 2]
 
 
