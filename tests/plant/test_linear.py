@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import pi
+from typing import Any
 
 import control
 import numpy as np
@@ -203,6 +204,22 @@ def test_process_noise_is_white_repeatable_and_of_its_seed(design: ShortPeriod) 
         assert chi2.ppf(0.5e-4, ticks) < row @ row < chi2.ppf(1 - 0.5e-4, ticks)
         for lag in (1, 2, 1024):  # a block that came again would correlate wholly
             assert abs(row[lag:] @ row[:-lag]) < norm.ppf(1 - 0.5e-4) * np.sqrt(ticks - lag)
+
+
+def test_without_process_noise_the_seed_changes_no_bit(design: ShortPeriod) -> None:
+    """Flown as a plant that knows of none; the least noise is seen, so that bits are what is compared."""
+
+    def flown(**noise: Any) -> list[Truth]:
+        plant, seen = LinearPlant(design, control_hz=100, airspeed_m_s=250.0, altitude_m=6000.0, **noise), []
+        for k in range(100):
+            health = HEALTHY if k < 50 else Health(0.4, 0.7)
+            plant.advance(design.elevator_trim_rad + 0.02 * np.sin(0.1 * k), health, health)
+            seen.append(plant.sense(health))
+        return seen
+
+    plain = flown()
+    assert flown(process_noise=(0.0, 0.0), seed=np.random.SeedSequence(5)) == plain
+    assert flown(process_noise=(0.0, 1e-12), seed=5) != plain
 
 
 def _kinematics(hz: int) -> tuple[list[Truth], np.ndarray, np.ndarray]:
