@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any
 
@@ -126,20 +126,18 @@ class Document:
 
 
 def show(cell: Cell, spec: str = ".4g") -> str:
-    """Return a cell as text: median [5 %, 95 %] of a spread, estimate (95 % interval) of an interval, - for nothing."""
+    """Return a cell as text: median [5 %, 95 %] of a spread, estimate (95 % interval) of an interval, - for nothing.
+
+    Of an outcome: the spread over the flights that stayed, and how many went when.
+    """
     if cell is None or (isinstance(cell, float) and cell != cell):
         return "-"
     if isinstance(cell, Outcome):
-        gone = cell.gone_s.runs - cell.gone_s.missing
-        parts = (
-            []
-            if gone == cell.gone_s.runs
-            else [f"{cell.stayed.median:{spec}} [{cell.stayed.low:{spec}}, {cell.stayed.high:{spec}}]"]
-        )
+        runs, gone, missing = cell.gone_s.runs, cell.gone_s.runs - cell.gone_s.missing, cell.stayed.missing
+        parts = [] if gone == runs else [show(replace(cell.stayed, runs=runs - gone, missing=missing - gone), spec)]
         if gone:
-            parts.append(
-                f"{gone} of {cell.gone_s.runs} gone at {cell.gone_s.median:.2f} s [{cell.gone_s.low:.2f}, {cell.gone_s.high:.2f}]"
-            )
+            gone_s = f"{cell.gone_s.median:.2f} s [{cell.gone_s.low:.2f}, {cell.gone_s.high:.2f}]"
+            parts.append(f"{gone} of {runs} gone at {gone_s}")
         return "; ".join(parts)
     if isinstance(cell, Spread):
         if cell.missing == cell.runs:

@@ -17,12 +17,23 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 
 class FlightbedError(Exception):
-    """Base of all errors that flightbed raises on purpose; ``str()`` is one line (or one line per problem)."""
+    """Base of all errors that flightbed raises on purpose; ``str()`` is one line (or one line per problem).
+
+    They come whole from a worker process: pickled as they are, not made anew from their message.
+    """
 
     exit_code = 2
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (type(self), self.args), self.__dict__
+
+
+def _again(kind: type[FlightbedError], args: tuple[object, ...]) -> FlightbedError:
+    return kind.__new__(kind, *args)  # keeps the arguments; what __init__ did is in the state
 
 
 class InputError(FlightbedError):

@@ -87,8 +87,11 @@ def load_linear_aircraft(name: str) -> LinearAircraft:
             if key not in found:
                 raise AircraftError(f"{path}: {dot}{key} is missing")
     for key, only in (("schema", 1), ("kind", "linear")):
-        if raw[key] != only:
+        if raw[key] != only or isinstance(raw[key], bool):
             raise AircraftError(f"{path}: {key}: must be {only!r} (got {raw[key]!r})")
+    for key in ("name", "description"):
+        if not isinstance(raw[key], str) or len(raw[key].splitlines()) != 1:
+            raise AircraftError(f"{path}: {key}: must be one line of text (got {raw[key]!r})")
     numbers = {t: {k: _number(raw[t][k], f"{path}: {t}.{k}") for k in _KEYS[t]} for t in _KEYS if t}
     for table, key in (("elevator", "lag_rad_s"), ("condition", "mach")):
         if numbers[table][key] <= 0.0:
@@ -99,7 +102,7 @@ def load_linear_aircraft(name: str) -> LinearAircraft:
     fingerprint = hashlib.sha256(repr(sorted((t, sorted(v.items())) for t, v in numbers.items())).encode()).hexdigest()
     condition = numbers["condition"]
     return LinearAircraft(
-        str(raw["name"]), str(raw["description"]), design, condition["mach"], condition["altitude_ft"], fingerprint
+        raw["name"], raw["description"], design, condition["mach"], condition["altitude_ft"], fingerprint
     )
 
 

@@ -31,6 +31,7 @@ class Shape:
 
 def asked(aircraft: str, condition: Any) -> tuple[Plane, list[Query]]:
     """Return the aircraft and the conditions of a command line. Raises InputError."""
+    plane = survey.find_aircraft(aircraft)  # first: with no aircraft, no condition helps
     given = [(name, text) for name in ("mach", "tas_fps", "cas_kt") if (text := getattr(condition, name)) is not None]
     if len(given) != 1:
         raise InputError("give exactly one of --mach, --tas-fps and --cas-kt")
@@ -43,7 +44,7 @@ def asked(aircraft: str, condition: Any) -> tuple[Plane, list[Query]]:
         key: getattr(condition, key)
         for key in ("gamma_deg", "load_factor", "bank_deg", "cg_shift_cbar", "effectiveness", "engine")
     }
-    return survey.find_aircraft(aircraft), list(survey.queries(altitudes, name, speeds, **fixed))
+    return plane, list(survey.queries(altitudes, name, speeds, **fixed))
 
 
 def trim_all(plane: Plane, queries: Sequence[Query], format_: str, output: Path | None) -> bytes:

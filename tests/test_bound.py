@@ -5,14 +5,16 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from flightbed import load_scenario, run
 from flightbed.assembly import sensor_noise
 from flightbed.bound import _bounds, bound, design_models, schedule_models
+from flightbed.estimation import pitch_model
 from flightbed.estimation.record import estimate_record
 from flightbed.mission import Result
 from flightbed.short_period import ShortPeriod
-from flightbed.units import DEG
+from flightbed.units import DEG, FT
 
 
 def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator) -> None:
@@ -43,18 +45,71 @@ def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator)
     assert np.isinf(found[0])
 
 
-def test_more_data_say_more_and_a_change_begins_anew() -> None:
-    result = run(load_scenario("elevator-loss", ["duration_s=8"]))
-    assert result.plan.schedule is not None
-    noise = sensor_noise(result.plan.scenario)
-    models = schedule_models(result.trace, result.plan.schedule, control_hz=100)
-    everything = bound(result.trace, models, noise)
-    window = bound(result.trace, models, noise, window=30)
+@pytest.fixture(scope="module")
+def losing() -> Result:
+    """The F-16, on its schedule, losing its elevator at tick 450."""
+    return run(load_scenario("elevator-loss", ["duration_s=6"]))
+
+
+def test_models_on_the_schedule_are_its_tangents_along_the_true_motion(losing: Result) -> None:
+    """By scipy's matrix exponential of the rates at the period's start, with the deflection and the K of that period.
+
+    The model's series of [A | b | c] dt is cut after |A dt|^2 / 6 of it; the rest is |A dt|^3 / 24, and a twentieth of that for what
+    follows, with |A dt| below 0.2.
+    """
+    trace, schedule = losing.trace, losing.plan.schedule
+    assert schedule is not None
+    models = schedule_models(trace, schedule, control_hz=100)
+    packed, rates = schedule.packed(), np.zeros((2, 4))
+    assert not models[0].any()  # no period ends there
+    for k in (1, 200, 449, 450, 451, 452, 500, 599):
+        K, u = trace["effectiveness_true"][k - 1], trace["elevator_mean_meas_deg"][k] * DEG
+        alpha, q, theta, phi = (trace[c][k - 1] * DEG for c in ("alpha_deg", "q_deg_s", "theta_deg", "phi_deg"))
+        pitch_model.rates(
+            packed, rates, alpha, q, K * u, trace["mach"][k - 1], trace["altitude_ft"][k - 1] * FT, theta, phi
+        )
+        A, b = rates[:, 1:3], rates[:, 3]
+        M = np.zeros((4, 4))
+        M[:2, :2], M[:2, 2], M[:2, 3] = A, b, rates[:, 0] - A @ [alpha, q] - b * K * u
+        moved, size = expm(M * 0.01)[:2], np.linalg.norm(A * 0.01, 2)
+        assert size < 0.2
+        left = np.linalg.norm(models[k] - moved, 2) / np.linalg.norm(M[:2] * 0.01, 2)
+        assert left < 1.05 * size**3 / 24, k
+    assert [trace["effectiveness_true"][k] for k in (449, 450)] == [1.0, 0.2]
+
+
+def test_models_on_the_schedule_reproduce_the_motion(losing: Result) -> None:
+    """x+ = A x + b K u + c, where the aircraft does what its tables say; far better than the model of trim.
+
+    The median error of pitch rate in a period is that of the schedule, 0.05 deg/s^2 (see test_schedule), of alpha 0.02 deg/s.
+    """
+    trace, schedule = losing.trace, losing.plan.schedule
+    assert schedule is not None
+    x = np.column_stack([trace["alpha_deg"], trace["q_deg_s"]]) * DEG
+    acting = trace["effectiveness_true"][:-1] * trace["elevator_mean_meas_deg"][1:] * DEG
+
+    def errors(models: np.ndarray) -> np.ndarray:
+        m = models[1:]
+        predicted = np.einsum("kij,kj->ki", m[:, :, :2], x[:-1]) + m[:, :, 2] * acting[:, None] + m[:, :, 3]
+        found: np.ndarray = np.median(np.abs(predicted - x[1:]), axis=0) / (0.01 * DEG)
+        return found
+
+    scheduled = errors(schedule_models(trace, schedule, control_hz=100))
+    assert np.all(scheduled < [0.02, 0.05])
+    assert np.all(errors(design_models(trace, losing.plan.design, control_hz=100)) > 5 * scheduled)
+
+
+def test_more_data_say_more_and_a_change_begins_anew(losing: Result) -> None:
+    assert losing.plan.schedule is not None
+    noise = sensor_noise(losing.plan.scenario)
+    models = schedule_models(losing.trace, losing.plan.schedule, control_hz=100)
+    everything = bound(losing.trace, models, noise)
+    window = bound(losing.trace, models, noise, window=30)
     assert np.all(everything <= window * (1 + 1e-9))
     assert np.all(np.diff(everything[455:]) <= 1e-12)
     assert np.isinf(everything[450]) or everything[450] < everything[451]  # at the change the old stretch still counts
     assert everything[452] > 10 * everything[450]
-    assert np.array_equal(result.trace["effectiveness_bound"], window)
+    assert np.array_equal(losing.trace["effectiveness_bound"], window)
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -12,6 +13,7 @@ import pytest
 
 from flightbed import ensemble
 from flightbed.ensemble import Flown, Job, fly_chunk, fly_jobs, histories, processes
+from flightbed.errors import ScenarioError
 from flightbed.metrics import Metrics
 from flightbed.mission import run
 from flightbed.scenario import Scenario, load_scenario
@@ -69,11 +71,22 @@ def test_chunks_threads_and_processes_change_no_bit(
         _assert_the_same(fly_jobs(jobs, executor=threads, progress=done.append), flown)
     assert sorted(done) == [1, 2, 2, 2]
     done.clear()
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     with processes(2) as executor:
         assert executor is not None
+        threads_of_a_worker = [
+            executor.submit(os.getenv, f"{name}_NUM_THREADS").result() for name in ("OMP", "OPENBLAS")
+        ]
+        assert threads_of_a_worker == ["3", "1"]  # as the environment says; where it says nothing, one
         assert executor.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
         _assert_the_same(fly_jobs(jobs, executor=executor, progress=done.append), flown)
+        with pytest.raises(ScenarioError) as caught:  # what a worker finds is told as if it were found here
+            fly_jobs([Job(_scenario("condition.mach=0.5", "condition.gamma_deg=3"), 3)], executor=executor)
+        told = [line.partition(":")[0] for line in str(caught.value).splitlines()]
+        assert told == ["condition.mach", "condition.gamma_deg"]
     assert sorted(done) == [1, 2, 2, 2]
+    assert (os.environ["OMP_NUM_THREADS"], os.getenv("OPENBLAS_NUM_THREADS")) == ("3", None)  # ours is as it was
 
 
 @pytest.mark.parametrize("runs", [0, 1, 24, 25, 26, 50, 51])

@@ -11,11 +11,11 @@ import control
 import numpy as np
 import pytest
 
-from flightbed import data
+from flightbed import cli, data
 from flightbed.aircraft import Aircraft, load_aircraft
 from flightbed.errors import AircraftError, UnknownNameError
 from flightbed.linear_aircraft import LinearAircraft, load_flyable, load_linear_aircraft
-from tests.command_line import assert_one_clear_line, flightbed
+from tests.command_line import flightbed
 
 TEXT = (data.shipped("aircraft") / "sillence" / "aircraft.toml").read_text(encoding="utf-8")
 GOLDEN = tomllib.loads((Path(__file__).parent / "golden" / "sillence.toml").read_text())
@@ -69,6 +69,10 @@ def test_its_actuator_has_no_limits_and_its_speed_is_that_of_the_standard_atmosp
         ("z_q = 0.9946", "", "short_period.z_q is missing"),
         ("schema = 1", "", "schema is missing"),
         ("schema = 1", "schema = 2", "schema: must be 1 (got 2)"),
+        ("schema = 1", "schema = true", "schema: must be 1 (got True)"),
+        ('name = "sillence"', "name = 3", "name: must be one line of text (got 3)"),
+        ('name = "sillence"', 'name = ""', "name: must be one line of text (got '')"),
+        ('description = "', 'description = "Two\\nlines: ', "description: must be one line of text (got 'Two\\nlines: Linear short period of an F-16 at Mach 0.9, 20,000 ft, as in Sillence (1999); no limits, no trim')"),
         ("z_q = 0.9946", 'z_q = "fast"', "short_period.z_q: must be a number (got 'fast')"),
         ("z_q = 0.9946", "z_q = true", "short_period.z_q: must be a number (got True)"),
         ("z_q = 0.9946", "z_q = nan", "short_period.z_q: must be a number (got nan)"),
@@ -84,6 +88,14 @@ def test_each_error_is_one_clear_line(tmp_path: Path, old: str, new: str, messag
         _changed(tmp_path, old, new)
     assert str(caught.value) == f"{tmp_path / 'aircraft.toml'}: {message}"
     assert caught.value.exit_code == 2
+
+
+def test_what_is_not_utf_8(tmp_path: Path) -> None:
+    (tmp_path / "aircraft.toml").write_bytes(TEXT.encode() + b"# \xff\n")
+    for load in (load_linear_aircraft, load_flyable):
+        with pytest.raises(AircraftError, match=r"aircraft\.toml: 'utf-8' codec can't decode") as caught:
+            load(str(tmp_path))
+        assert len(str(caught.value).splitlines()) == 1
 
 
 def test_what_is_not_toml_or_not_there(tmp_path: Path) -> None:
@@ -132,10 +144,21 @@ def test_it_is_listed(tmp_path: Path) -> None:
     assert listed[1].endswith(load_linear_aircraft("sillence").description)
 
 
-@pytest.mark.parametrize("verb", ["trim", "linearize"])
-def test_it_cannot_be_trimmed_or_linearized(tmp_path: Path, verb: str) -> None:
-    message = "is a linear model already: it can be flown (flightbed run), not trimmed or linearized"
-    assert_one_clear_line([verb, "sillence", "--mach", "0.9"], 2, message, cwd=tmp_path)
+@pytest.mark.parametrize(
+    "arguments", [["trim"], ["linearize"], ["trim", "--mach", "0.9"], ["linearize", "--mach", "0.5:0.9:0.2"]]
+)
+def test_it_cannot_be_trimmed_or_linearized(
+    tmp_path: Path, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever else is asked for or forgotten: a speed would not help."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    with pytest.raises(SystemExit) as ended:
+        cli.main([arguments[0], "sillence", *arguments[1:]])
+    told = capsys.readouterr()
+    assert (ended.value.code, told.out, len(told.err.splitlines())) == (2, "", 1)
+    assert "sillence/aircraft.toml: is a linear model already: it can be flown (flightbed run), not trimmed" in told.err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_it_flies_from_a_folder_of_the_users_own(tmp_path: Path) -> None:

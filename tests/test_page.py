@@ -11,7 +11,7 @@ import pytest
 from flightbed.document import Claim, Document, Picture, Section, Table
 from flightbed.drawing import distinct
 from flightbed.page import render
-from flightbed.statistics import Interval, Spread
+from flightbed.statistics import Interval, Spread, outcome
 from tests.test_drawing import draw
 
 VOID = {"meta", "link", "br", "img", "input", "hr", "base", "source", "embed"}
@@ -49,8 +49,9 @@ class _Page(HTMLParser):
 
 
 def _document(text: str = "plain", key: str = "3-1") -> Document:
-    table = Table("t", text, (text, "K"), [[text, 0.5], [None, Spread(9, 2, 0.5, 0.1, 0.9)]], {"K": ".2f"}, note=text)
-    claims = [Claim(f"c{n}", text, text, Interval(-0.5, -0.9, -0.1, 20), holds=n == 1) for n in (1, 2)]
+    cells = 0.5, Spread(9, 2, 0.5, 0.1, 0.9), Interval(0.5, 0.25, 1.0, 9), outcome([1.0, None], [None, 3.0]), 7, None
+    table = Table("t", text, (text, "K"), [[text, cell] for cell in cells], {"K": ".2f"}, note=text)
+    claims = [Claim(f"c{h}", text, text, Interval(-0.5, -0.9, -0.1, 20), holds=h) for h in (True, False, None)]
     pictures = [Picture(k, text, distinct(draw(text), f"f{n}"), text, text) for n, k in enumerate((key, "3-2"))]
     sections = [Section(text, [text, text], [table, *claims]), Section("Figures", [], pictures)]
     return Document(text, sections, {text: text, "versions": {"numpy": "2", text: text}})
@@ -120,10 +121,29 @@ def test_all_that_is_text_stays_text(page: str) -> None:
 def test_what_the_reader_sees(page: str) -> None:
     text = "".join(_Page(page).text)
     assert "0.50 [0.10, 0.90], never in 2 of 9" in text
-    assert "The computation agrees." in text
-    assert "The computation does not bear this out." in text
+    assert "1.00 [1.00, 1.00]; 1 of 2 gone at 3.00 s [3.00, 3.00]" in text
+    verdicts = ["The computation agrees.", "The computation does not bear this out.", "These runs do not settle it."]
+    assert [text.count(verdict) for verdict in verdicts] == [1, 1, 1]
+    assert sorted(verdicts, key=text.index) == verdicts
+    claims = [str(a["class"]) for _, a in _Page(page).elements if str(a.get("class")).startswith("claim")]
+    assert claims == ["claim yes", "claim no", "claim open"]
     assert "-0.5 (95 % interval -0.9 to -0.1, 20 runs)" in text
     assert "versionsnumpy 2, plain plain" in text
+
+
+def test_what_is_not_there_takes_no_room() -> None:
+    """A note and facts only where there are some; cells that do not break are those that are numbers."""
+
+    def classes(note: str, facts: str) -> Counter[str]:
+        items = [
+            Table("t", "", ("a", "b"), [["text", 1.5], [None, 2]], note=note),
+            Picture("p", "", "<svg/>", "", facts),
+        ]
+        elements = _Page(render(Document("", [Section("", (), items)], {}))).elements
+        return Counter(str(a["class"]) for _, a in elements if "class" in a)
+
+    assert classes("", "") == {"wide": 1, "n": 3}
+    assert classes("a note", "facts") == {"wide": 1, "n": 3, "note": 1, "facts": 1}
 
 
 def test_the_same_document_is_the_same_bytes(page: str) -> None:

@@ -6,11 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from flightbed.errors import AircraftError, ScenarioError
+from flightbed import registry
+from flightbed.air import standard_air
+from flightbed.control.base import Law
+from flightbed.errors import AircraftError, DesignError, ScenarioError
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.plan import plan
+from flightbed.plant.base import Controls, Motion
 from flightbed.scenario import load_scenario
-from flightbed.units import FT
+from flightbed.signals import Measurement
+from flightbed.trim import TrimPoint
+from flightbed.units import DEG, FT
 from tests.command_line import flightbed
 
 # override -> the line that it earns; estimators on the schedule are absolute
@@ -50,9 +56,8 @@ def test_the_plan_of_the_shipped_scenario() -> None:
     assert found.schedule is None
     assert found.scenario.aircraft.model == "sillence"
     assert found.scenario.aircraft.sha256 == found.aircraft.sha256
-    point = found.trim
-    assert (point.alpha_rad, point.elevator_rad, point.theta_rad, point.residual) == (0.0, 0.0, 0.0, 0.0)
-    assert point.motion.altitude_m == 20000 * FT
+    level = Motion(found.aircraft.airspeed_m_s, 0.0, 0.0, 0.0, 20000 * FT)
+    assert found.trim == TrimPoint(level, Controls(0.0, 0.0), residual=0.0)
     assert plan(found.scenario).design.A.tolist() == found.design.A.tolist()  # bound to the aircraft, it is found again
 
 
@@ -69,3 +74,42 @@ def test_process_noise_is_not_for_a_nonlinear_aircraft(key: str) -> None:
         "process_noise: only a linear aircraft has it; what disturbs a nonlinear one is atmosphere.turbulence",
     )
     assert caught.value.exit_code == 2
+
+
+def test_the_trim_is_that_of_the_condition() -> None:
+    """Of a climb: gamma = theta - alpha; numbers as they are given, in their units. The solver leaves some 1e-9 deg."""
+    point = plan(
+        load_scenario("nominal", ["condition.gamma_deg=3", "condition.altitude_ft=12000", "condition.mach=0.7"])
+    ).trim
+    assert (point.theta_rad - point.alpha_rad) / DEG == pytest.approx(3.0, abs=1e-6)
+    assert point.gamma_rad / DEG == pytest.approx(3.0, abs=1e-6)
+    assert point.altitude_m == pytest.approx(12000 * FT, rel=1e-12)
+    # JSBSim's own air; its speed of sound is the standard's to 1 in 1000.
+    assert point.airspeed_m_s == pytest.approx(0.7 * standard_air(12000 * FT).sound_m_s, rel=1e-3)
+
+
+class _Silent:
+    """A law that keeps its gains to itself."""
+
+    def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:
+        return 0.0
+
+
+def silent(_settings: object, _design: object, _control_hz: int) -> Law:
+    """Test law."""
+    return _Silent()
+
+
+def test_a_reference_is_not_cut_for_a_law_that_does_not_tell_its_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(registry._BUILT_IN["laws"], "silent", "tests.test_plan:silent")
+    assert plan(load_scenario("thesis-loss", ["control.law=silent"])).gains is None
+    with pytest.raises(DesignError, match=r"adaptation\.limit_command: the law 'silent' does not tell its gains"):
+        plan(load_scenario("thesis-loss", ["control.law=silent", "adaptation.limit_command=true"]))
+    assert plan(load_scenario("thesis-loss", ["adaptation.limit_command=true"])).gains is not None
+
+
+def test_only_an_estimator_that_asks_for_it_gets_a_schedule() -> None:
+    short = ["adaptation.enabled=false", "estimators=[{name='x', model='short-period'}]"]
+    assert plan(load_scenario("nominal", short)).schedule is None
+    more = "estimators.1={name='y', model='scheduled'}"
+    assert plan(load_scenario("nominal", [*short, more])).schedule is not None

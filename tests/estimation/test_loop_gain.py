@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -207,17 +208,40 @@ def test_defaults_of_class_and_scenario_are_one() -> None:
 
 
 def test_every_setting_of_a_scenario_reaches_the_filter() -> None:
+    """None of them is its default, so that one that is left behind shows."""
     settings = EstimatorSettings(
-        name="x", model="short-period", input="deviation", input_at="end", memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2),
-        alpha_disturbance_deg_s=0.3, q_disturbance_deg_s2=4.0,
+        name="x", model="scheduled", input="deviation", input_at="end", memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2),
+        alpha_disturbance_deg_s=0.3, q_disturbance_deg_s2=4.0, alarm_threshold=12.0, follow_disturbances=True, hold_std=0.2,
         prior=Prior(state="fixed", first_reading="used", alpha_deg=-1.4, q_deg_s=-2.4, alpha_std_deg=0.3, q_std_deg_s=2.0, effectiveness=0.8, effectiveness_std=0.5),
     )  # fmt: skip
-    assert loop_gain_config(settings) == LoopGainConfig(
-        memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2), absolute=False,
+    found = loop_gain_config(settings)
+    assert found == LoopGainConfig(
+        memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2), absolute=False, scheduled=True,
+        alarm_threshold=12.0, follow_disturbances=True, hold_std=0.2,
         alpha_disturbance_rad_s=0.3 * DEG, q_disturbance_rad_s2=4.0 * DEG, input_at="end", prior_state="corrected",
         prior_alpha_rad=-1.4 * DEG, prior_q_rad_s=-2.4 * DEG, prior_alpha_var=(0.3 * DEG) ** 2, prior_q_var=(2.0 * DEG) ** 2,
         prior_effectiveness=0.8, prior_effectiveness_var=0.25,
     )  # fmt: skip
+    default = LoopGainConfig()
+    assert all(getattr(found, f.name) != getattr(default, f.name) for f in fields(LoopGainConfig))
+
+
+@pytest.mark.parametrize(
+    ("state", "first_reading", "begin"),
+    [("measurement", "left-out", "measurement"), ("fixed", "left-out", "fixed"), ("fixed", "used", "corrected")],
+)
+def test_how_a_filter_begins_is_what_the_prior_says(
+    state: Literal["measurement", "fixed"], first_reading: Literal["left-out", "used"], begin: str
+) -> None:
+    prior = Prior(state=state, first_reading=first_reading)
+    settings = EstimatorSettings(name="x", model="short-period", prior=prior)
+    assert loop_gain_config(settings) == LoopGainConfig(prior_state=begin)
+
+
+@pytest.mark.parametrize("input_at", ["mean", "start", "end"])
+def test_what_u_is_is_what_the_scenario_says(input_at: Literal["mean", "start", "end"]) -> None:
+    settings = EstimatorSettings(name="x", model="short-period", input_at=input_at)
+    assert loop_gain_config(settings) == LoopGainConfig(input_at=input_at)
 
 
 def test_noise_of_the_position_transducer_widens_sigma(rng: np.random.Generator, design: ShortPeriod) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import pi
+from typing import Any
 
 import control
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.stats import chi2, norm
 
-from flightbed.gusts import calm, one_minus_cosine
+from flightbed.gusts import Gusts, calm, one_minus_cosine
 from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.plant import linear
 from flightbed.plant.linear import LinearPlant
@@ -203,6 +204,66 @@ def test_process_noise_is_white_repeatable_and_of_its_seed(design: ShortPeriod) 
         assert chi2.ppf(0.5e-4, ticks) < row @ row < chi2.ppf(1 - 0.5e-4, ticks)
         for lag in (1, 2, 1024):  # a block that came again would correlate wholly
             assert abs(row[lag:] @ row[:-lag]) < norm.ppf(1 - 0.5e-4) * np.sqrt(ticks - lag)
+
+
+def test_without_process_noise_the_seed_changes_no_bit(design: ShortPeriod) -> None:
+    """Flown as a plant that knows of none; the least noise is seen, so that bits are what is compared."""
+
+    def flown(**noise: Any) -> list[Truth]:
+        plant, seen = LinearPlant(design, control_hz=100, airspeed_m_s=250.0, altitude_m=6000.0, **noise), []
+        for k in range(100):
+            health = HEALTHY if k < 50 else Health(0.4, 0.7)
+            plant.advance(design.elevator_trim_rad + 0.02 * np.sin(0.1 * k), health, health)
+            seen.append(plant.sense(health))
+        return seen
+
+    plain = flown()
+    assert flown(process_noise=(0.0, 0.0), seed=np.random.SeedSequence(5)) == plain
+    assert flown(process_noise=(0.0, 1e-12), seed=5) != plain
+
+
+@pytest.mark.parametrize("absolute", [True, False])
+def test_process_noise_adds_to_commands_failures_and_gusts(design: ShortPeriod, absolute: bool) -> None:
+    """Superposition: less the motion without noise, the motion is that of the noise alone; round-off only."""
+
+    def flown(*, moving: bool, stds: tuple[float, float]) -> np.ndarray:
+        air: Gusts = (lambda t: 3.0 * np.cos(5.0 * t)) if moving else calm
+        plant = LinearPlant(
+            design, control_hz=100, absolute=absolute, airspeed_m_s=250.0, gusts=air, process_noise=stds, seed=3
+        )
+        seen = []
+        for k in range(120):
+            health = Health(0.3, 0.6) if moving and k >= 60 else HEALTHY
+            truth = plant.sense(health)
+            alpha = truth.alpha_rad - design.alpha_trim_rad - truth.gust_up_m_s / 250.0
+            seen.append([alpha, truth.q_rad_s, truth.elevator_rad, truth.elevator_mean_rad])
+            plant.advance(design.elevator_trim_rad + moving * 0.03 * np.sin(0.2 * k), health, health)
+        return np.array(seen)
+
+    stds = (0.02, 0.5)
+    noise, quiet = flown(moving=False, stds=stds), flown(moving=True, stds=(0.0, 0.0))
+    assert np.all(np.abs(noise[:, :2]).max(axis=0) > 1e-3)
+    both = flown(moving=True, stds=stds)
+    assert both[:, :2] - quiet[:, :2] == pytest.approx(noise[:, :2], abs=1e-12)
+    assert np.array_equal(both[:, 2:], quiet[:, 2:])  # it does not reach the actuator
+
+
+def test_a_gust_that_blows_from_the_start_is_felt_at_once(design: ShortPeriod) -> None:
+    truth = LinearPlant(design, control_hz=100, airspeed_m_s=200.0, gusts=lambda t: 4.0 - t).sense()
+    assert (truth.gust_up_m_s, truth.alpha_rad) == (4.0, design.alpha_trim_rad + 4.0 / 200.0)
+
+
+def test_level_at_trim_it_flies_straight_on(design: ShortPeriod) -> None:
+    """Theta is alpha's trim then, the flight path is level; what a short period does not have is nil."""
+    plant = LinearPlant(design, control_hz=100, airspeed_m_s=250.0, altitude_m=6000.0)
+    for _ in range(200):
+        plant.advance(design.elevator_trim_rad, HEALTHY, HEALTHY)
+    truth = plant.sense()
+    assert design.alpha_trim_rad > 0.01
+    assert truth.theta_rad == design.alpha_trim_rad
+    assert (truth.nz_g, truth.altitude_m) == (1.0, 6000.0)
+    assert truth.north_m == pytest.approx(500.0, rel=1e-12)
+    assert (truth.phi_rad, truth.psi_rad, truth.east_m) == (0.0, 0.0, 0.0)
 
 
 def _kinematics(hz: int) -> tuple[list[Truth], np.ndarray, np.ndarray]:
