@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import zlib
 
+# Before numpy is loaded: its threads spin on matrices this small, and take the other core from whatever runs there.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import hypothesis
 import numpy as np
 import pytest
