@@ -112,6 +112,28 @@ def test_more_data_say_more_and_a_change_begins_anew(losing: Result) -> None:
     assert np.array_equal(losing.trace["effectiveness_bound"], window)
 
 
+@pytest.mark.parametrize("window", [1, 30])
+def test_a_window_is_the_last_so_many_periods_and_nothing_before_a_change(losing: Result, window: int) -> None:
+    """Against the covariance of a least-squares fit to the readings of that stretch alone, by a QR of its sensitivities."""
+    trace, schedule, noise = losing.trace, losing.plan.schedule, sensor_noise(losing.plan.scenario)
+    assert schedule is not None
+    models = schedule_models(trace, schedule, control_hz=100)
+    found = bound(trace, models, noise, window=window)
+    u = trace["elevator_mean_meas_deg"] * DEG
+    weights = 1.0 / np.array([noise.alpha_rad, noise.q_rad_s])
+    for k in (40, 300, 449, 450, 451, 452, 470, 479, 480, 481, 599):
+        first = max(0, k - window, 450 if k > 450 else 0)  # what acts from 450 on is read at 451 for the first time
+        S, rows = np.eye(2, 3), []
+        for j in range(first, k + 1):
+            if j > first:
+                S = models[j, :, :2] @ S
+                S[:, 2] += models[j, :, 2] * u[j]
+            rows.append(weights[:, None] * S)
+        # The last of the triangle is what K's column has left, orthogonal to those of the state.
+        left = abs(np.linalg.qr(np.vstack(rows), mode="r")[2, 2])
+        assert found[k] == pytest.approx(1.0 / left, rel=1e-6), k
+
+
 @pytest.fixture(scope="module")
 def thesis() -> Result:
     """The thesis's aircraft in its doublets, nothing failing, flown by a fixed law."""
