@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command_line import COMMAND, assert_one_clear_line, flightbed
+from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
 
 
 def test_run_says_what_happened_and_leaves_a_folder(tmp_path: Path) -> None:
@@ -87,6 +87,7 @@ def test_an_interrupted_flight_leaves_nothing(
     process = subprocess.Popen(
         [*COMMAND, "run", "nominal", "--set", "duration_s=36000", "--out", "x", *pace],
         cwd=away, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": str(scratch)},
+        preexec_fn=heed_interrupts,
     )  # fmt: skip
     deadline = time.monotonic() + 120.0
     while not list(scratch.glob("flightbed-*/*/f16/f16.xml")):  # the aircraft has been built: the flight begins

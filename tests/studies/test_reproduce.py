@@ -14,7 +14,7 @@ import pytest
 
 from flightbed import cli, registry
 from flightbed.studies.base import distinct_jobs, reproduce
-from tests.command_line import COMMAND, assert_one_clear_line, flightbed
+from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
 from tests.studies.tiny import tiny
 
 
@@ -106,6 +106,7 @@ def test_an_interrupted_study_leaves_nothing(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [*COMMAND, "reproduce", "sillence", "--runs", "500", "--out", "x"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=heed_interrupts,
     )  # fmt: skip
     time.sleep(5.0)
     os.killpg(process.pid, signal.SIGINT)
