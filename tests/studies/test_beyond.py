@@ -57,7 +57,6 @@ def test_the_weight_of_the_readings_takes_bias_and_scatter() -> None:
 def test_recursion_and_regression_agree_on_a_flight() -> None:
     table = _tables(_built(examples.examples(3)))["batch"]
     for _, recursive, batch, difference, sigma in table.rows:
-        assert isinstance(recursive, float) and isinstance(batch, float) and isinstance(sigma, float)  # noqa: PT018
         assert difference == abs(recursive - batch) < 1e-12
         assert abs(recursive - 0.4) < 4.0 * sigma
 

@@ -61,7 +61,7 @@ def structural(runs: int) -> Part:
                 "against is the share of the moment, which is what the law is corrected by.",
                 "Turning b moves the estimate of the moment by thousandths: on the linear model and on the aircraft the elevator's force "
                 "is a small part of what moves alpha. But sigma does not know of it: with a fifth of the moment and all of the force "
-                "left the mean NEES is 10 on the aircraft. A c.g. that moves is another matter: it changes C_m_alpha, which no K "
+                "left the mean NEES on the aircraft is far from 1. A c.g. that moves is another matter: it changes C_m_alpha, which no K "
                 "describes, and the trim moment, which the scheduled model takes for a change of K. Five per cent of the chord on top of "
                 "the lost elevator is more than the law can hold.",
             ],

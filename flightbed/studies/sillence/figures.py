@@ -17,6 +17,7 @@ from flightbed.short_period import zero_order_hold
 from flightbed.studies.base import Flights, Part
 from flightbed.studies.sillence import plots, printed
 from flightbed.studies.sillence.gain_figures import adaptive, estimates
+from flightbed.studies.sillence.measures import SETTLED_S, tracking
 from flightbed.studies.sillence.plots import BASIC, TIME, Figure, columns_of, noise_words
 from flightbed.studies.sillence.setup import EXPANDING, thesis
 
@@ -87,7 +88,7 @@ def _introduction() -> Iterator[Figure]:
 
 def _nominal(axes: list[Axes], flown: Sequence[Flown]) -> str:
     plots.response(axes, flown[0], failed_at_s=None)
-    return f"RMS of q - reference {plots.rms(flown[0], after_s=0.0):.2f} deg/s."
+    return f"RMS of q - reference {tracking(flown[0], 0.0):.2f} deg/s."
 
 
 def _noisy(axes: list[Axes], flown: Sequence[Flown], column: str, measured: str, label: str) -> str:
@@ -184,7 +185,7 @@ def _tracking() -> Iterator[Figure]:
 
 def _fixed(axes: list[Axes], flown: Sequence[Flown]) -> str:
     plots.response(axes, flown[0])
-    return f"RMS of q - reference {plots.rms(flown[0]):.2f} deg/s from 0.3 s after the failure."
+    return f"RMS of q - reference {tracking(flown[0], SETTLED_S):.2f} deg/s from 0.3 s after the failure."
 
 
 def _states(axes: list[Axes], flown: Sequence[Flown]) -> str:

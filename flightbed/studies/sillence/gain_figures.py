@@ -11,7 +11,7 @@ from flightbed import drawing
 from flightbed.ensemble import Flown
 from flightbed.scenario import Scenario
 from flightbed.studies.sillence import plots, printed, setup
-from flightbed.studies.sillence.measures import peak
+from flightbed.studies.sillence.measures import SETTLED_S, peak, tracking
 from flightbed.studies.sillence.plots import BASIC, NOISES, TIME, Figure, columns_of, noise_words
 from flightbed.studies.sillence.setup import EXPANDING, FAST, WINDOW, estimator, thesis
 
@@ -184,7 +184,8 @@ def _adapted(axes: list[Axes], flown: Sequence[Flown]) -> str:
     for flight, (label, color) in zip(flown[1:], others, strict=True):
         axes[0].plot(flight.columns[TIME], flight.columns["q_deg_s"], color=color, linewidth=0.9, label=label)
     drawing.legend(axes[0])
-    rms, largest = ([f"{of(flight):.2f}" for flight in flown] for of in (plots.rms, peak))
+    rms = [f"{tracking(flight, SETTLED_S):.2f}" for flight in flown]
+    largest = [f"{peak(flight):.2f}" for flight in flown]
     return (
         f"RMS of q - reference from 0.3 s after the failure: {rms[0]} deg/s adapted, {rms[1]} with the position corrected too, {rms[2]} "
         f"fixed; largest error until then {largest[0]}, {largest[1]} and {largest[2]} deg/s."

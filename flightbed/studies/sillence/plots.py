@@ -73,12 +73,6 @@ def columns_of(estimator: str) -> tuple[str, ...]:
     )
 
 
-def rms(flown: Flown, *, after_s: float = printed.FAILED_AT_S + 0.3) -> float:
-    """Return the RMS of q - q_ref from a time on."""
-    late = flown.columns[TIME] >= after_s - 1e-9
-    return float(np.sqrt(np.mean((flown.columns["q_deg_s"] - flown.columns["q_ref_deg_s"])[late] ** 2)))
-
-
 def response(
     axes: Sequence[Axes], flown: Flown, *, failed_at_s: float | None = printed.FAILED_AT_S, label: str = "q"
 ) -> None:
