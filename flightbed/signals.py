@@ -37,6 +37,8 @@ class Truth(NamedTuple):
         elevator_mean_rad: mean deflection that moved the aircraft over the control period that ends at this tick.
         effectiveness, elevator_force, cg_shift_cbar: the Health from this tick on.
         gust_up_m_s: vertical speed of the air in the scenario's gusts, up positive; alpha and airspeed include it.
+        lift_n, drag_n, thrust_n: aerodynamic force up and aft, in wind axes, and of the engines along the fuselage; nan if the plant has
+            no forces.
 
     """
 
@@ -57,6 +59,9 @@ class Truth(NamedTuple):
     elevator_force: float = 1.0
     cg_shift_cbar: float = 0.0
     gust_up_m_s: float = 0.0
+    lift_n: float = nan
+    drag_n: float = nan
+    thrust_n: float = nan
 
 
 class Measurement(NamedTuple):
@@ -91,6 +96,8 @@ class Estimate(NamedTuple):
         alpha_rad, q_rad_s: the state.
         nis: normalized innovation squared; chi-square with as many degrees of freedom as measurements (2) if the model holds.
         alarms: how many changes of K have been declared so far.
+        innovation_alpha_rad, innovation_q_rad_s: readings less what the estimator had predicted of them, and their standard deviations
+            as it believes them; nan for an estimator that does not predict them, 0 at tick 0.
 
     """
 
@@ -102,6 +109,10 @@ class Estimate(NamedTuple):
     q_rad_s: float
     nis: float
     alarms: float = 0.0
+    innovation_alpha_rad: float = nan
+    innovation_q_rad_s: float = nan
+    innovation_alpha_std_rad: float = nan
+    innovation_q_std_rad_s: float = nan
 
 
 class Sample(NamedTuple):

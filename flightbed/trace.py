@@ -43,6 +43,9 @@ _TRUTH = {
     "elevator_force_true": ("elevator_force", 1.0),
     "cg_shift_cbar": ("cg_shift_cbar", 1.0),
     "gust_up_fps": ("gust_up_m_s", 1 / FT),
+    "lift_n": ("lift_n", 1.0),
+    "drag_n": ("drag_n", 1.0),
+    "thrust_n": ("thrust_n", 1.0),
 }
 _MEASURED = {
     "q_meas_deg_s": ("q_rad_s", 1 / DEG),
@@ -63,6 +66,10 @@ _ESTIMATED = {
     "q_deg_s": ("q_rad_s", 1 / DEG),
     "nis": ("nis", 1.0),
     "alarms": ("alarms", 1.0),
+    "innovation_alpha_deg": ("innovation_alpha_rad", 1 / DEG),
+    "innovation_q_deg_s": ("innovation_q_rad_s", 1 / DEG),
+    "innovation_alpha_std_deg": ("innovation_alpha_std_rad", 1 / DEG),
+    "innovation_q_std_deg_s": ("innovation_q_std_rad_s", 1 / DEG),
 }
 
 

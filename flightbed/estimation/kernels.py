@@ -236,7 +236,7 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
 @compiled
 def tick(
     bank: Array, settings: Array, u: float, z0: float, z1: float, k: int
-) -> tuple[float, float, float, float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float, float, float, float, float, float, float]:
     """Advance a bank by one sample, both states measured, and return the estimate of the filter that has the most data.
 
     Tick 0 starts every filter. In a window (W > 1) filter k mod W has then seen exactly W samples: it gives the
@@ -254,7 +254,8 @@ def tick(
 
     Returns:
         (K-hat in bounds, its standard deviation, smoothed K-hat, K-hat, state 0, state 1, normalized innovation squared, number of
-        alarms so far); at tick 0 the prior, with 0 for the innovation.
+        alarms so far, innovation of reading 0 and of 1, their standard deviations as the filter predicts them); at tick 0 the prior,
+        with 0 for all of the innovation.
 
     """
     X, P, T = bank[0:3], bank[3:12].reshape((3, 3, -1)), bank[12:24].reshape((4, 3, -1))
@@ -262,12 +263,13 @@ def tick(
     inflation, begin, keep, low, high = settings[16], settings[17], settings[18], settings[19], settings[20]
     r, model, z = settings[21:23], settings[23:31].reshape((2, 4)), (z0, z1)
     threshold, adaptive, hold = settings[31], settings[32] > 0.0, settings[34]
-    state = bank[24:, 0]
+    state, innovations = bank[24:43, 0], bank[43:47]
     W = bank.shape[1]
     best = 0
     if k == 0:
         for w in range(W):
             start(X, P, w, x0, P0, begin, z, r)
+        innovations[:] = 0.0
         T[3, 0, 0] = 0.0
         state[:] = 0.0
         state[0], state[1], state[2] = 1.0, x0[2], 0.0
@@ -278,6 +280,10 @@ def tick(
         if adaptive:
             disturbance(bank, settings, model, u, z, k, Q)
         predict(X, P, T, model, u, Q, inflation)
+        for i in range(2):
+            for w in range(W):
+                innovations[i, w] = z[i] - X[i, w]
+                innovations[2 + i, w] = P[i, i, w] + r[i]
         correct(X, P, T, _IDENTITY, r, z)
         if k >= W:
             best = k % W
@@ -321,7 +327,10 @@ def tick(
             state[2] = max(0.1 * variance, 0.02 * 0.02)
     else:
         state[0] = keep * state[0] + (1.0 - keep) * bounded
-    result = (bounded, sqrt(variance), state[0], gain, X[0, best], X[1, best], T[3, 0, best], state[15])
+    result = (
+        bounded, sqrt(variance), state[0], gain, X[0, best], X[1, best], T[3, 0, best], state[15],
+        innovations[0, best], innovations[1, best], sqrt(innovations[2, best]), sqrt(innovations[3, best]),
+    )  # fmt: skip
     if W > 1 and k > 0:
         start(X, P, k % W, x0, P0, begin, z, r)
     return result
@@ -333,9 +342,10 @@ def new_bank(filters: int) -> Array:
     These are: 0 smoothed K-hat; level of K that alarms are raised against, 1 itself and 2 its variance; adopted filter, 3 which and
     4 the tick of its start; 5, 6 the level before the last alarm, 7 its tick, 14 the earliest start that may replace the adopted one;
     8, 9 leaky sums of residuals and 10, 11 their mean squares; 12, 13 last readings; 15 number of alarms; 16 leaky sum of the
-    residuals of alpha from which the gust's pitch rate is told, 17 its mean square; 18 variance of the smoothed K-hat.
+    residuals of alpha from which the gust's pitch rate is told, 17 its mean square; 18 variance of the smoothed K-hat. The last four
+    rows are each filter's innovations of the two readings and their variances.
     """
-    return np.zeros((43, filters))
+    return np.zeros((47, filters))
 
 
 def pack_settings(

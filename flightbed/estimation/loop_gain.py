@@ -145,6 +145,6 @@ class LoopGain:
                 then.altitude_m, then.theta_rad, then.phi_rad, self._tick,
             )  # fmt: skip
             self._last = measurement
-        bounded, std, smoothed, gain, alpha_hat, q_hat, nis, alarms = found
+        bounded, std, smoothed, gain, alpha_hat, q_hat, *rest = found
         self._tick += 1
-        return Estimate(bounded, std, smoothed, gain, alpha_hat + self._alpha_trim, q_hat, nis, alarms)
+        return Estimate(bounded, std, smoothed, gain, alpha_hat + self._alpha_trim, q_hat, *rest)

@@ -29,7 +29,7 @@ from flightbed.gusts import Gusts, calm
 from flightbed.signals import HEALTHY, Health, Truth
 from flightbed.stock import StockAircraft, engine_names, read_stock, references
 from flightbed.tables import breakpoints
-from flightbed.units import FT, INCH, LB
+from flightbed.units import FT, INCH, LB, LBF
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
 _BREEZE_FPS = 1e-6
@@ -314,6 +314,9 @@ class JsbsimPlant:
                 "position/lat-gc-rad",
                 "position/long-gc-rad",
                 "accelerations/Nz",
+                "forces/fwz-aero-lbs",
+                "forces/fwx-aero-lbs",
+                "forces/fbx-prop-lbs",
             )
         )
         self._latitude, self._longitude = self._get[8](), self._get[9]()
@@ -338,7 +341,9 @@ class JsbsimPlant:
 
     def sense(self, health: Health = HEALTHY) -> Truth:
         """Return the truth at the present tick; the health is what is left from now on."""
-        (alpha, q, theta, phi, psi, airspeed, mach, altitude, latitude, longitude, nz) = [get() for get in self._get]
+        (
+            alpha, q, theta, phi, psi, airspeed, mach, altitude, latitude, longitude, nz, lift, drag, thrust,
+        ) = [get() for get in self._get]  # fmt: skip
         return Truth(
             alpha,
             q,
@@ -355,6 +360,9 @@ class JsbsimPlant:
             self._mean_elevator,
             *health,
             self._gust_m_s,
+            lift * LBF,
+            drag * LBF,
+            thrust * LBF,
         )
 
     def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
