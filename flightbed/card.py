@@ -40,6 +40,18 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
     )
 
 
+def plan_card(scenario: Scenario) -> str:
+    """Return the card of a flight that has not been flown, Markdown."""
+    condition = scenario.condition
+    return (
+        f"# {scenario.name}\n\n{scenario.description}\n\n"
+        f"**{scenario.aircraft.model}**, Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft, seed {scenario.seed}: in flight\n\n"
+        f"- law: {scenario.control.law}; {correction(scenario)}\n"
+        f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
+        f"- gusts: {'; '.join(f'at {g.at_s:g} s {_blows(g)}' for g in scenario.gusts) or 'none'}\n"
+    )
+
+
 def correction(scenario: Scenario) -> str:
     """Return in words what corrects the law."""
     adaptation = scenario.adaptation
@@ -92,28 +104,37 @@ def _blows(gust: GustSettings) -> str:
     return f"a gust of {abs(gust.up_fps):g} ft/s {'up' if gust.up_fps >= 0.0 else 'down'}, {rising}"
 
 
-def events(
-    scenario: Scenario, trace: Trace, summary: dict[str, Any], actuator: Actuator
-) -> list[tuple[float, str, bool]]:
-    """Return (time in s, text, severe) of what happened, in order of time."""
-    happened = [(f.at_s, f"FAILURE: {_happens(f)}", True) for f in scenario.failures if f.at_s <= trace["t_s"][-1]]
-    happened += [(g.at_s, f"gust: {_blows(g)}", False) for g in scenario.gusts if g.at_s <= trace["t_s"][-1]]
-    since = summary["estimators_since_s"]
-    for name, m in summary["estimators"].items():
-        if m["first_within_20pct_s"] is not None:
-            happened.append((since + m["first_within_20pct_s"], f"K of '{name}' within 20 % of the truth", False))
+def planned_events(scenario: Scenario) -> list[tuple[float, str, bool]]:
+    """Return (time in s, text, severe) of what the scenario says will happen, in order of time."""
+    planned = [(f.at_s, f"FAILURE: {_happens(f)}", True) for f in scenario.failures]
+    return sorted(planned + [(g.at_s, f"gust: {_blows(g)}", False) for g in scenario.gusts])
+
+
+def seen_events(trace: Trace, actuator: Actuator, *, since: int = 0) -> list[tuple[float, str, bool]]:
+    """Return (time in s, text, severe) of what a trace shows from index ``since`` on: declared changes, stops reached."""
+    seen = []
+    for name in trace.estimators:
         alarms = trace[f"{name}.alarms"]
-        happened += [
-            (
-                float(trace["t_s"][i]),
-                f"'{name}' declares a change of K, to {trace[f'{name}.effectiveness'][i]:.2f}",
-                False,
-            )
+        seen += [
+            (int(i), f"'{name}' declares a change of K, to {trace[f'{name}.effectiveness'][i]:.2f}")
             for i in np.flatnonzero(np.diff(alarms, prepend=0.0) > 0.0)
         ]
     cut = at_stop(trace, actuator)
     rising = np.flatnonzero(cut & ~np.concatenate([[False], cut[:-1]]))
-    happened += [(float(trace["t_s"][i]), "elevator command at its stop", False) for i in rising]
+    seen += [(int(i), "elevator command at its stop") for i in rising]
+    return [(float(trace["t_s"][i]), text, False) for i, text in seen if i >= since]
+
+
+def events(
+    scenario: Scenario, trace: Trace, summary: dict[str, Any], actuator: Actuator
+) -> list[tuple[float, str, bool]]:
+    """Return (time in s, text, severe) of what happened, in order of time."""
+    happened = [event for event in planned_events(scenario) if event[0] <= trace["t_s"][-1]]
+    happened += seen_events(trace, actuator)
+    since = summary["estimators_since_s"]
+    for name, m in summary["estimators"].items():
+        if m["first_within_20pct_s"] is not None:
+            happened.append((since + m["first_within_20pct_s"], f"K of '{name}' within 20 % of the truth", False))
     happened += _late(late_spells(trace))
     if summary["ended"] == "ground":
         happened.append((summary["flown_s"], "HIT THE GROUND", True))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import json
 import os
 import tempfile
@@ -18,6 +17,7 @@ from flightbed.errors import OutputError
 if TYPE_CHECKING:
     from flightbed.document import Document
     from flightbed.mission import Result
+    from flightbed.telemetry.shown import Shown
 
 RUN_FILES = frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"})
 STUDY_FILES = frozenset({"report.html", "results.json"})
@@ -127,19 +127,18 @@ def _replace(target: Path, new: Path, old: Path) -> None:
 
 
 def _record(result: Result, path: Path) -> None:
-    from flightbed.telemetry import Event, write_recording  # slow to import
+    from flightbed.telemetry.recording import write_recording  # slow to import
+
+    write_recording(path, result.trace, shown(result))
+
+
+def shown(result: Result) -> Shown:
+    """Return what the viewer is told of a flight that is over."""
+    from flightbed.telemetry.shown import Shown
 
     scenario, summary = result.plan.scenario, result.summary
     happened = events(scenario, result.trace, summary, result.plan.aircraft.actuator)
-    write_recording(
-        path,
-        result.trace,
-        name=f"{scenario.name} seed {scenario.seed}",
-        recording_id=hashlib.sha256(scenario.to_toml().encode()).hexdigest()[:16],
-        card=run_card(scenario, summary),
-        events=[Event(*event) for event in happened],
-        failed_at_s=summary["failed_at_s"],
-    )
+    return Shown.of(result.plan).flown(run_card(scenario, summary), happened)
 
 
 def folder_of(run_folder: str | Path) -> Path:

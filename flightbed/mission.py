@@ -17,6 +17,7 @@ import numpy as np
 from flightbed import factories
 from flightbed.assembly import assemble, sensor_noise
 from flightbed.bound import bound, design_models, schedule_models
+from flightbed.excitation import with_excitation
 from flightbed.folder import check_target, write_run
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.loop import Flight
@@ -109,6 +110,7 @@ def _collected(flight: Flight, scenario: Scenario, pace: Clock | None) -> Trace:
 
 def _measured(plan: Plan, trace: Trace) -> tuple[Trace, Metrics]:
     trace = _with_bound(plan, trace)
+    trace = with_excitation(trace, m_delta=float(plan.design.b[1]), control_hz=plan.scenario.rates.control_hz)
     failed_at_s = _failed_at_s(plan.scenario, trace)
     return trace, measure(trace, alpha_trim_deg=plan.trim.alpha_rad / DEG, failed_at_s=failed_at_s)
 

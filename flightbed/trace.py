@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -96,6 +96,10 @@ class Trace:
         """Return the trace with one more column."""
         return Trace({**self.columns, name: values}, self.estimators)
 
+    def since(self, tick: int) -> Trace:
+        """Return the trace from a tick on."""
+        return Trace({name: values[tick:] for name, values in self.columns.items()}, self.estimators)
+
     def to_pandas(self) -> pd.DataFrame:
         """Return a DataFrame with one row per tick."""
         import pandas as pd
@@ -135,16 +139,26 @@ def read_trace(path: str | Path) -> Trace:
 def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz: int) -> Trace:
     """Gather the samples of a flight into a trace, as they come; no sample is kept."""
     flat: list[float] = []
-    extend = flat.extend
-    for tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd in samples:
-        extend((tick, q_cmd, q_ref, elevator_cmd))
-        extend(truth)
-        extend(measurement)
-        for estimate in estimates:
-            extend(estimate)
+    for sample in samples:
+        flatten(sample, flat.extend)
+    return from_rows(np.array(flat, dtype=np.float64), estimators=estimators, control_hz=control_hz)
+
+
+def flatten(sample: Sample, extend: Callable[[Iterable[float]], object]) -> None:
+    """Give the numbers of a sample, one row as ``from_rows`` takes them apart."""
+    tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd = sample
+    extend((tick, q_cmd, q_ref, elevator_cmd))
+    extend(truth)
+    extend(measurement)
+    for estimate in estimates:
+        extend(estimate)
+
+
+def from_rows(rows: Vector, *, estimators: Sequence[str], control_hz: int) -> Trace:
+    """Return the trace of flattened samples, one after the other."""
     groups = [("", _FLOWN, _FLOWN_FIELDS), ("", _TRUTH, Truth._fields), ("", _MEASURED, Measurement._fields)]
     groups += [(f"{name}.", _ESTIMATED, Estimate._fields) for name in estimators]
-    rows = np.array(flat, dtype=np.float64).reshape(-1, sum(len(fields) for _, _, fields in groups))
+    rows = rows.reshape(-1, sum(len(fields) for _, _, fields in groups))
     columns: dict[str, Vector] = {"t_s": rows[:, 0] / control_hz}
     offset = 0
     for prefix, wanted, fields in groups:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-_GREY, _DARK, _CANOPY, _BLUE, _RED = (150, 158, 168), (104, 112, 122), (60, 90, 120), (86, 140, 190), (214, 122, 60)
+_GREY, _LIGHT, _DARK, _CANOPY, _WHITE = (150, 158, 168), (176, 184, 194), (96, 103, 112), (52, 84, 120), (255, 255, 255)
 
 
 class Mesh(NamedTuple):
@@ -22,7 +22,7 @@ HINGE = (-6.0, 0.0, 0.0)  # the stabilators turn about the y axis through this p
 
 
 def airframe() -> Mesh:
-    """Fuselage, canopy, intake, cropped delta wing, fin."""
+    """Fuselage with nozzle, canopy, intake, strakes, cropped delta wing with tip rails, fin and ventral fins."""
     # station x, half width, half height, centre z
     body = [
         (8.2, 0.02, 0.02, 0.0),
@@ -35,28 +35,35 @@ def airframe() -> Mesh:
     ]
     canopy = [(4.6, 0.05, 0.05, -0.6), (3.6, 0.4, 0.4, -0.75), (2.4, 0.42, 0.45, -0.75), (0.8, 0.1, 0.1, -0.7)]
     intake = [(3.4, 0.5, 0.35, 0.85), (0.0, 0.5, 0.3, 0.75), (-3.0, 0.2, 0.1, 0.6)]
-    parts = [_loft(body, _GREY), _loft(canopy, _CANOPY), _loft(intake, _DARK)]
-    parts += [
-        _plate([(2.2, s * 0.7, 0.0), (-1.0, s * 4.7, 0.0), (-2.0, s * 4.7, 0.0), (-2.2, s * 0.7, 0.0)], _BLUE)
-        for s in (-1, 1)
-    ]
-    parts.append(_plate([(-3.0, 0.0, -0.7), (-6.2, 0.0, -3.4), (-7.2, 0.0, -3.4), (-6.2, 0.0, -0.5)], _BLUE))
+    nozzle = [(-6.6, 0.55, 0.55, 0.0), (-7.6, 0.42, 0.42, 0.0)]
+    parts = [_loft(body, _GREY), _loft(canopy, _CANOPY), _loft(intake, _DARK), _loft(nozzle, _DARK)]
+    for s in (-1.0, 1.0):
+        parts += [
+            _plate([(4.4, s * 0.55, -0.1), (1.6, s * 1.3, -0.1), (0.4, s * 0.8, -0.1)], _GREY),  # strake
+            _plate([(1.8, s * 0.8, 0.0), (-1.2, s * 4.6, 0.0), (-2.3, s * 4.6, 0.0), (-2.6, s * 0.7, 0.0)], _LIGHT),
+            _loft([(0.3, 0.02, 0.02, 0.0), (-0.3, 0.1, 0.1, 0.0), (-2.6, 0.1, 0.1, 0.0)], _DARK, at_y=s * 4.7),
+            _plate([(-4.3, s * 0.5, 0.5), (-5.2, s * 0.85, 1.2), (-6.0, s * 0.85, 1.2), (-6.0, s * 0.45, 0.5)], _DARK),
+        ]
+    parts.append(_plate([(-2.2, 0.0, -0.6), (-5.9, 0.0, -3.5), (-7.2, 0.0, -3.5), (-6.7, 0.0, -0.5)], _LIGHT))
+    parts.append(_plate([(-6.1, 0.02, -0.9), (-6.5, 0.02, -3.2), (-7.2, 0.02, -3.2), (-7.0, 0.02, -0.9)], _DARK))
+    parts.append(_plate([(-6.1, -0.02, -0.9), (-6.5, -0.02, -3.2), (-7.2, -0.02, -3.2), (-7.0, -0.02, -0.9)], _DARK))
     return _join(parts)
 
 
 def stabilators() -> Mesh:
-    """Both halves of the horizontal tail, about the hinge."""
+    """Both halves of the horizontal tail, about the hinge; white, for the colour that the viewer multiplies it by."""
     return _join(
         [
-            _plate([(1.0, s * 0.5, 0.0), (-0.6, s * 2.8, 0.0), (-1.3, s * 2.8, 0.0), (-1.2, s * 0.5, 0.0)], _RED)
+            _plate([(1.0, s * 0.5, 0.0), (-0.6, s * 2.8, 0.0), (-1.3, s * 2.8, 0.0), (-1.2, s * 0.5, 0.0)], _WHITE)
             for s in (-1, 1)
         ]
     )
 
 
-def _loft(stations: list[tuple[float, float, float, float]], color: tuple[int, int, int], around: int = 12) -> Mesh:
+def _loft(stations: list[tuple[float, float, float, float]], color: tuple[int, int, int], *, at_y: float = 0.0) -> Mesh:
+    around = 12
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
-    rings = [np.column_stack([np.full(around, x), w * np.cos(angle), z + h * np.sin(angle)]) for x, w, h, z in stations]
+    rings = [np.column_stack([np.full(around, x), at_y + w * np.cos(angle), z + h * np.sin(angle)]) for x, w, h, z in stations]
     faces = []
     for ring in range(len(stations) - 1):
         for i in range(around):
@@ -64,7 +71,7 @@ def _loft(stations: list[tuple[float, float, float, float]], color: tuple[int, i
             faces += [(a, b, a + around), (b, b + around, a + around)]
     vertices = np.vstack(rings).astype(np.float32)
     # Lighter above than below: without normals the viewer shades nothing.
-    light = 1.0 - 0.18 * np.sign(vertices[:, 2])
+    light = 1.0 - 0.22 * np.clip(2.0 * vertices[:, 2], -1.0, 1.0)
     colors = np.clip(np.outer(light, color), 0, 255).astype(np.uint8)
     return Mesh(vertices, np.array(faces, dtype=np.uint32), colors)
 

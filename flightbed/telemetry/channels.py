@@ -1,0 +1,221 @@
+"""What is shown of a flight: plots and their lines, from the columns that the trace has. No rerun in here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from flightbed import palette
+from flightbed.trace import Trace, Vector
+from flightbed.units import unit_of
+
+OVERVIEW, ESTIMATORS, AIRFRAME = "Overview", "Estimators", "Airframe"
+NIS_BOUND = float(chdtri(2, 0.05))  # that 95 % of a chi-square with 2 degrees of freedom stay below
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a plot: a column of the trace times a factor, or a constant.
+
+    Attributes:
+        label: with its unit.
+        color: from the palette.
+        column: of the trace; empty for a constant.
+        factor: what the column is multiplied by; of a constant its value.
+        width: points.
+        per: column that it is divided by; 0 where that is 0.
+
+    """
+
+    label: str
+    color: str
+    column: str = ""
+    factor: float = 1.0
+    width: float = 1.6
+    per: str = ""
+
+    def values(self, trace: Trace) -> Vector:
+        """Return one value per tick."""
+        if not self.column:
+            return np.full(len(trace), self.factor)
+        values = trace[self.column]
+        if self.per:
+            values = np.divide(values, trace[self.per], out=np.zeros(len(trace)), where=trace[self.per] != 0.0)
+        return values if self.factor == 1.0 else values * self.factor
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A plot over time.
+
+    Attributes:
+        key: where its data are logged.
+        title: with the unit of its axis.
+        tab: page of the layout.
+        lines: what it shows.
+        range: of its axis; None lets the viewer choose.
+        estimator: index of the estimator that it is about, if it is about one.
+        bands: estimators whose K it shows with two standard deviations around it.
+
+    """
+
+    key: str
+    title: str
+    tab: str
+    lines: tuple[Line, ...]
+    range: tuple[float, float] | None = None
+    estimator: int | None = None
+    bands: tuple[str, ...] = ()
+
+
+def plots(trace: Trace, *, stops_deg: Sequence[float], gusts: bool, moves_cg: bool) -> tuple[Plot, ...]:
+    """Return the plots of a flight; what has no finite value in the trace has no line.
+
+    Args:
+        trace: the flight, or its first ticks.
+        stops_deg: lowest and highest deflection of the elevator; empty if it has none.
+        gusts, moves_cg: whether the scenario has gusts, or a c.g. that moves: they are plotted then.
+
+    """
+    wanted = [*_overview(trace, stops_deg), *_estimators(trace), *_airframe()]
+    kept = []
+    for plot in wanted:
+        lines = tuple(line for line in plot.lines if not line.column or _told(trace, line.column))
+        if any(line.column for line in lines) and (gusts or plot.key != "gust") and (moves_cg or plot.key != "cg_shift"):
+            kept.append(Plot(plot.key, plot.title, plot.tab, lines, plot.range, plot.estimator, plot.bands))
+    return tuple(kept)
+
+
+def _told(trace: Trace, column: str) -> bool:
+    return column in trace.columns and bool(np.any(np.isfinite(trace[column])))
+
+
+def _line(label: str, color: str, column: str, factor: float = 1.0, width: float = 1.6) -> Line:
+    unit = unit_of(column)
+    return Line(label if unit == "1" or "," in label else f"{label}, {unit}", color, column, factor, width)
+
+
+def _overview(trace: Trace, stops_deg: Sequence[float]) -> list[Plot]:
+    gains = [
+        _line(f"K {name}, smoothed", palette.estimate(i), f"{name}.effectiveness_smoothed")
+        for i, name in enumerate(trace.estimators)
+    ]
+    return [
+        Plot(
+            "pitch_rate",
+            "Pitch rate, deg/s",
+            OVERVIEW,
+            (
+                _line("q reference", palette.REFERENCE, "q_ref_deg_s"),
+                _line("q", palette.ACTUAL, "q_deg_s"),
+            ),
+        ),
+        Plot(
+            "effectiveness",
+            "Elevator effectiveness K, share; bands +-2 sigma",
+            OVERVIEW,
+            (_line("K true", palette.TRUTH, "effectiveness_true", width=2.2), *gains),
+            (-0.1, 1.3),
+            bands=trace.estimators,
+        ),
+        Plot(
+            "elevator",
+            "Elevator, deg",
+            OVERVIEW,
+            (
+                _line("command", palette.COMMAND, "elevator_cmd_deg"),
+                _line("position", palette.ACTUAL, "elevator_deg"),
+                *(Line("stop, deg", palette.OTHER, factor=stop, width=1.0) for stop in stops_deg),
+            ),
+        ),
+        Plot("alpha", "Angle of attack, deg", OVERVIEW, (_line("alpha", palette.ACTUAL, "alpha_deg"),)),
+    ]
+
+
+def _estimators(trace: Trace) -> list[Plot]:
+    each = [plot for i, name in enumerate(trace.estimators) for plot in _estimator(i, name)]
+    sigmas = [
+        _line(f"sigma {name}", palette.estimate(i), f"{name}.effectiveness_std")
+        for i, name in enumerate(trace.estimators)
+    ]
+    bound = _line("Cramer-Rao bound", palette.TRUTH, "effectiveness_bound", width=2.2)
+    return [
+        *each,
+        Plot("sigma", "Sigma of K, share", ESTIMATORS, (*sigmas, bound), (0.0, 0.3)),
+        Plot(
+            "excitation",
+            "Excitation, deg/s^2",
+            ESTIMATORS,
+            (_line("RMS of M_delta times deflection over 0.3 s, deg/s^2", palette.COMMAND, "excitation_deg_s2"),),
+        ),
+    ]
+
+
+def _estimator(index: int, name: str) -> list[Plot]:
+    def innovation(label: str, color: str, key: str, unit: str) -> Line:
+        column, spread = f"{name}.innovation_{key}_{unit}", f"{name}.innovation_{key}_std_{unit}"
+        return Line(label, color, column, width=1.0, per=spread)
+
+    color = palette.estimate(index)
+    return [
+        Plot(
+            f"innovation/{name}",
+            f"{name}: innovations over their sigma, 1",
+            ESTIMATORS,
+            (
+                innovation("alpha", palette.OTHER, "alpha", "deg"),
+                innovation("q", color, "q", "deg_s"),
+                *(Line(f"{bound:+g} sigma", palette.REFERENCE, factor=bound, width=1.0) for bound in (2.0, -2.0)),
+            ),
+            (-5.0, 5.0),
+            index,
+        ),
+        Plot(
+            f"nis/{name}",
+            f"{name}: NIS, 1",
+            ESTIMATORS,
+            (
+                _line("NIS", color, f"{name}.nis", width=1.0),
+                Line("95 % bound", palette.REFERENCE, factor=NIS_BOUND, width=1.0),
+            ),
+            (0.0, 15.0),
+            index,
+        ),
+    ]
+
+
+def _airframe() -> list[Plot]:
+    def one(key: str, title: str, label: str, column: str) -> Plot:
+        return Plot(key, title, AIRFRAME, (_line(label, palette.ACTUAL, column),))
+
+    return [
+        one("mach", "Mach number, 1", "Mach", "mach"),
+        one("altitude", "Altitude, ft", "altitude", "altitude_ft"),
+        one("load_factor", "Load factor nz, g", "nz", "nz_g"),
+        Plot(
+            "attitude",
+            "Attitude, deg",
+            AIRFRAME,
+            (_line("theta", palette.ACTUAL, "theta_deg"), _line("phi", palette.OTHER, "phi_deg")),
+        ),
+        Plot(
+            "forces",
+            "Forces, N",
+            AIRFRAME,
+            (
+                _line("lift", palette.ACTUAL, "lift_n"),
+                _line("drag", palette.COMMAND, "drag_n"),
+                _line("thrust", palette.REFERENCE, "thrust_n"),
+            ),
+        ),
+        one("gust", "Gust, ft/s", "gust up", "gust_up_fps"),
+        Plot(
+            "cg_shift",
+            "C.g. shift aft, % of the chord",
+            AIRFRAME,
+            (_line("c.g. shift, %", palette.FAILURE, "cg_shift_cbar", 100.0),),
+        ),
+    ]

@@ -1,0 +1,106 @@
+"""What the viewer has to be told of a flight besides its columns; plain values, so that they can be sent to another process."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, NamedTuple
+
+from flightbed.aircraft import Actuator
+from flightbed.card import plan_card, planned_events
+from flightbed.factories import failure_tick
+from flightbed.plan import Plan
+from flightbed.telemetry.channels import Plot, plots
+from flightbed.trace import Trace
+from flightbed.units import DEG
+
+
+class Event(NamedTuple):
+    """Something that happened at a time."""
+
+    t_s: float
+    text: str
+    severe: bool = False
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A flight as the viewer is told of it before take-off.
+
+    Attributes:
+        name: of the recording.
+        recording_id: recordings with the same one merge in a viewer.
+        card: the run card, Markdown.
+        planned: failures and gusts to come.
+        failures_s: when failures begin, marked in every plot.
+        estimators: their names.
+        detectors: those of them that test for a change of K.
+        gusts: whether there are any.
+        moves_cg: whether a failure moves the c.g.
+        actuator: of the elevator; stops and rate limit.
+        control_hz: ticks per second.
+        m_delta: pitch acceleration per deflection at the trim point, 1/s^2.
+
+    """
+
+    name: str
+    recording_id: str
+    card: str
+    planned: tuple[Event, ...]
+    failures_s: tuple[float, ...]
+    estimators: tuple[str, ...]
+    detectors: tuple[str, ...]
+    gusts: bool
+    moves_cg: bool
+    actuator: Actuator
+    control_hz: int
+    m_delta: float
+
+    @classmethod
+    def of(cls, plan: Plan) -> Shown:
+        """Return what there is to tell of a plan."""
+        scenario = plan.scenario
+        hz = scenario.rates.control_hz
+        return cls(
+            name=f"{scenario.name} seed {scenario.seed}",
+            recording_id=hashlib.sha256(scenario.to_toml().encode()).hexdigest()[:16],
+            card=plan_card(scenario),
+            planned=tuple(Event(*event) for event in planned_events(scenario)),
+            failures_s=tuple(sorted({failure_tick(failure, hz) / hz for failure in scenario.failures})),
+            estimators=tuple(e.name for e in scenario.estimators),
+            detectors=tuple(e.name for e in scenario.estimators if e.alarm_threshold > 0.0 and e.memory == "window"),
+            gusts=bool(scenario.gusts),
+            moves_cg=any(failure.kind == "cg-shift" for failure in scenario.failures),
+            actuator=plan.aircraft.actuator,
+            control_hz=hz,
+            m_delta=float(plan.design.b[1]),
+        )
+
+    def flown(self, card: str, events: Sequence[tuple[float, str, bool]]) -> Shown:
+        """Return it with the card and the events of the flight when it is over."""
+        return dataclasses.replace(self, card=card, planned=tuple(Event(*event) for event in events))
+
+    @property
+    def stops_deg(self) -> tuple[float, ...]:
+        """The elevator's stops, if it has any."""
+        return tuple(s / DEG for s in (self.actuator.min_rad, self.actuator.max_rad) if isfinite(s))
+
+    def plots(self, trace: Trace) -> tuple[Plot, ...]:
+        """Return what is plotted of it, from its trace or its first ticks."""
+        return plots(trace, stops_deg=self.stops_deg, gusts=self.gusts, moves_cg=self.moves_cg)
+
+    def to_json(self) -> str:
+        """Return it as text."""
+        return json.dumps(dataclasses.asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> Shown:
+        """Return what ``to_json`` was told."""
+        raw: dict[str, Any] = json.loads(text)
+        raw["planned"] = tuple(Event(*event) for event in raw["planned"])
+        raw["actuator"] = Actuator(**raw["actuator"])
+        return cls(**{key: tuple(value) if isinstance(value, list) else value for key, value in raw.items()})

@@ -1,0 +1,146 @@
+"""The viewer that comes with the SDK: with a window, or without one for pictures and tests; it listens to this computer alone."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from socket import create_connection, create_server
+from typing import Any
+
+from flightbed.errors import InputError, NotComputableError
+from flightbed.telemetry.layout import TIMELINE
+
+LOOPBACK = "127.0.0.1"
+PORT = 9876  # Rerun's own
+_SETTLING_S = 1.0  # for the views to draw what has arrived
+_OPENING_S = 20.0  # the first time, a viewer of 280 MB comes from a cold disk
+
+
+def view(path: Path) -> int:
+    """Open a recording in a window; returns the viewer's exit code."""
+    return subprocess.run([executable(), "--bind", LOOPBACK, "--port", "auto", str(path)], check=False).returncode
+
+
+def has_display() -> bool:
+    """Tell whether a window can be opened."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def free_port() -> int:
+    """Return a port of this computer that nobody listens on."""
+    with closing(create_server((LOOPBACK, 0))) as server:
+        return int(server.getsockname()[1])
+
+
+def listens(host: str, port: int) -> bool:
+    """Tell whether somebody accepts connections there."""
+    with suppress(OSError), create_connection((host, port), timeout=1.0):
+        return True
+    return False
+
+
+def url(host: str, port: int) -> str:
+    """Return the address of a viewer as the SDK wants it."""
+    return f"rerun+http://{f'[{host}]' if ':' in host else host}:{port}/proxy"
+
+
+def executable() -> str:
+    """Return the path of the viewer that belongs to the SDK. Raises NotComputableError."""
+    found = importlib.util.find_spec("rerun_cli")
+    if found is None or found.origin is None:
+        raise NotComputableError("the Rerun viewer is missing; install rerun-sdk again")
+    return str(Path(found.origin).with_name("rerun.exe" if sys.platform == "win32" else "rerun"))
+
+
+def launch(port: int, *options: str) -> subprocess.Popen[bytes]:
+    """Start a viewer that listens on a port of this computer, and wait until it does.
+
+    Raises NotComputableError when it does not get so far.
+    """
+    command = [executable(), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", *options]
+    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    process = subprocess.Popen(command, start_new_session=True, **quiet)  # type: ignore[call-overload]
+    until = time.monotonic() + _OPENING_S
+    while time.monotonic() < until and process.poll() is None:
+        if listens(LOOPBACK, port):
+            return process  # type: ignore[no-any-return]
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    raise NotComputableError("the viewer did not open: it needs a graphics driver (in software: mesa-vulkan-drivers)")
+
+
+@contextmanager
+def headless(port: int | None = None) -> Iterator[Any]:
+    """Give a ``rerun.experimental.ViewerClient`` of a viewer without a window, for as long as it lasts.
+
+    Raises NotComputableError where it cannot draw.
+    """
+    from rerun.experimental import ViewerClient
+
+    port = port or free_port()
+    process = launch(port, "--headless")
+    try:
+        client = ViewerClient.connect(url(LOOPBACK, port))
+        _wait_until_drawing(client, process)
+        yield client
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _wait_until_drawing(client: Any, process: subprocess.Popen[bytes]) -> None:
+    """Wait for the first answer: the viewer listens before it can draw, and ends if it cannot."""
+    until = time.monotonic() + _OPENING_S
+    while time.monotonic() < until and process.poll() is None:
+        with suppress(Exception):
+            client.get_state()
+            return
+        time.sleep(0.05)
+    raise NotComputableError(
+        "the viewer cannot draw here: it needs a Vulkan driver; one in software comes with mesa-vulkan-drivers"
+    )
+
+
+def show_tab(client: Any, name: str) -> None:
+    """Turn a viewer to a page of the layout. Raises InputError for one that there is not."""
+    blueprint = client.get_blueprint("recording").blueprint
+    containers = {path: fields.get("ContainerBlueprint", {}) for path, fields in blueprint.items()}
+    named = {str(c["display_name"]): path for path, c in containers.items() if "display_name" in c}
+    for container in containers.values():
+        tabs = {named_as: path for named_as, path in named.items() if path in container.get("contents", ())}
+        path = next((path for named_as, path in tabs.items() if named_as.lower() == name.lower()), None)
+        if path is not None and "active_tab" in container:
+            container["active_tab"] = path
+            client.set_blueprint(blueprint, "recording")
+            return
+    raise InputError(f"--tab {name}: there is no such page; there are: {', '.join(sorted(named))}")
+
+
+def picture(recording: Path, target: Path, *, at_s: float | None = None, tab: str | None = None) -> None:
+    """Write what the viewer shows of a recording as PNG, without a display.
+
+    Args:
+        recording: the .rrd file.
+        target: the .png file.
+        at_s: flight time that the cursor stands at; the start without.
+        tab: page of the layout; the first without.
+
+    """
+    from flightbed.model_files import write_whole
+
+    with headless() as client:
+        client.open(str(recording.resolve()))
+        if tab is not None:
+            show_tab(client, tab)
+        if at_s is not None:
+            client.set_time(TIMELINE, duration=at_s, play_state="paused")
+        time.sleep(_SETTLING_S)
+        content = client.take_screenshot()
+    write_whole(target, content)
