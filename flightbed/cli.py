@@ -75,7 +75,8 @@ def run(
     *,
     out: Path | None = None,
     set_: Annotated[list[str] | None, Parameter(name="--set", negative="", show_default=False)] = None,
-    rerun: Literal["save", "off"] = "save",
+    rerun: Literal["save", "live", "off"] = "save",
+    viewer: Annotated[str | None, Parameter(show_default=False)] = None,
     realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
 ) -> None:
@@ -85,19 +86,24 @@ def run(
         scenario: A shipped name (see `flightbed list scenarios`) or the path of a TOML file.
         out: Folder to write; an earlier run in it is replaced. Without it: runs/NAME, or runs/NAME-2, ... if that exists.
         set_: KEY=VALUE, replaces one key of the scenario, as in --set failures.0.to=0.35; repeat --set for each key.
-        rerun: Whether to write the Rerun recording.
+        rerun: save writes the Rerun recording; live shows the flight in the viewer too, while it flies.
+        viewer: HOST:PORT of the viewer that live shows it in; without it one on this computer, opened if there is none.
         realtime: Fly at the pace of the clock, and tell how well it was kept.
         json: Print what metrics.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
+    from flightbed.live import Live, address
     from flightbed.mission import run as fly
     from flightbed.pacing import WallClock
     from flightbed.scenario import load_scenario
 
     settings = load_scenario(scenario, set_ or ())
     place = out if out is not None else Path("runs") / settings.name
+    if viewer is not None and rerun != "live":
+        raise InputError(f"--viewer {viewer}: has no effect without --rerun live")
+    live = Live(*address(viewer), lambda text: _fail(text, 0)) if rerun == "live" else None
     pace = WallClock() if realtime else None
-    result = fly(settings, place, rerun=rerun == "save", replace=out is not None, pace=pace)
+    result = fly(settings, place, rerun=rerun != "off", replace=out is not None, pace=pace, live=live)
     if json:
         print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))
     else:
@@ -107,25 +113,39 @@ def run(
 
 
 @app.command
-def view(run_folder: str, /) -> int:
+def view(
+    run_folder: str,
+    /,
+    *,
+    picture: Path | None = None,
+    at_s: float | None = None,
+    tab: str | None = None,
+) -> int:
     """Open the recording of a run, with its layout, in the Rerun viewer.
 
     Args:
-        run_folder: A folder that `flightbed run` wrote.
+        run_folder: A folder that `flightbed run` or `flightbed compare` wrote.
+        picture: Write what the viewer shows to this PNG file instead; needs no display.
+        at_s: Flight time in the picture, s.
+        tab: Page in the picture: overview, estimators or airframe.
 
     """
-    from flightbed.folder import folder_of
-    from flightbed.telemetry import view as show
+    from flightbed.folder import recording_of
+    from flightbed.telemetry import viewer
 
-    recording = folder_of(run_folder) / "flight.rrd"
-    if not recording.is_file():
-        raise OutputError(f"{recording}: there is no recording; fly the scenario again with --rerun save")
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    recording = recording_of(run_folder)
+    if picture is not None:
+        viewer.picture(recording, picture, at_s=at_s, tab=tab)
+        return 0
+    for option, value in (("--at-s", at_s), ("--tab", tab)):
+        if value is not None:
+            raise InputError(f"{option} {value}: has no effect without --picture")
+    if not viewer.has_display():
         raise OutputError(
-            f"there is no display for the viewer; copy {recording} to a machine that has one, or serve it to a browser: "
-            f"rerun --web-viewer {recording}"
+            f"there is no display for the viewer; write a picture, --picture FILE.png, or copy {recording} to a machine that has one, "
+            f"or serve it to a browser: rerun --web-viewer {recording}"
         )
-    return show(recording)
+    return viewer.view(recording)
 
 
 @Parameter(name="*")

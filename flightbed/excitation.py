@@ -33,6 +33,5 @@ def excitation_deg_s2(deflection_deg: Vector, *, m_delta: float, control_hz: int
     end = np.arange(1, len(total))
     begin = np.maximum(0, end - window)
     # Differences of a running sum can fall below 0 by round-off.
-    return abs(m_delta) * np.sqrt(np.maximum(0.0, total[end] - total[begin]) / (end - begin))
-
-
+    rms: Vector = np.sqrt(np.maximum(0.0, total[end] - total[begin]) / (end - begin))
+    return abs(m_delta) * rms

@@ -147,3 +147,11 @@ def folder_of(run_folder: str | Path) -> Path:
     if not (folder / "metrics.json").is_file():
         raise OutputError(f"{folder}: not a run's folder (no metrics.json)")
     return folder
+
+
+def recording_of(run_folder: str | Path) -> Path:
+    """Return the recording in a run's folder. Raises OutputError."""
+    recording = folder_of(run_folder) / "flight.rrd"
+    if not recording.is_file():
+        raise OutputError(f"{recording}: there is no recording; fly the scenario again with --rerun save")
+    return recording

@@ -18,8 +18,9 @@ from flightbed import factories
 from flightbed.assembly import assemble, sensor_noise
 from flightbed.bound import bound, design_models, schedule_models
 from flightbed.excitation import with_excitation
-from flightbed.folder import check_target, write_run
+from flightbed.folder import check_target, shown, write_run
 from flightbed.linear_aircraft import LinearAircraft
+from flightbed.live import Live
 from flightbed.loop import Flight
 from flightbed.loop import fly as _fly
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
@@ -27,6 +28,7 @@ from flightbed.pacing import Clock, paced, punctuality, with_timings
 from flightbed.plan import Plan, plan
 from flightbed.settings import Scenario
 from flightbed.signals import Sample
+from flightbed.telemetry.shown import Shown
 from flightbed.trace import Trace, collect
 from flightbed.units import DEG
 
@@ -62,6 +64,7 @@ def run(
     rerun: bool = True,
     replace: bool = True,
     pace: Clock | None = None,
+    live: Live | None = None,
 ) -> Result:
     """Fly a scenario; with ``out``, leave a folder with scenario, trace, metrics and recording.
 
@@ -75,6 +78,7 @@ def run(
             that is not empty is refused; if false, the first free one of OUT, OUT-2, OUT-3, ... is taken instead.
         pace: clock that the ticks keep to, ``flightbed.WallClock()`` for real time; the trace then has the columns of
             ``pacing.with_timings``, and the same others. None flies as fast as it can.
+        live: shows the flight while it flies, ``flightbed.Live()`` in the viewer on this computer; used once.
 
     Raises:
         InputError, NotComputableError, as the parts do; OutputError when the folder cannot be written.
@@ -82,28 +86,38 @@ def run(
     """
     target = None if out is None else check_target(Path(out), replace=replace)
     planned = plan(scenario)
-    flight = assemble(planned)
-    began = time.perf_counter()
-    trace = _collected(flight, scenario, pace)
-    wall = time.perf_counter() - began
-    trace, metrics = _measured(planned, trace)
-    result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall))
-    if target is None:
-        return result
-    return dataclasses.replace(result, folder=write_run(result, target, rerun=rerun, replace=replace))
+    if live is not None:
+        live.start(Shown.of(planned))
+    try:
+        began = time.perf_counter()
+        trace = _collected(assemble(planned), scenario, pace, live)
+        wall = time.perf_counter() - began
+        trace, metrics = _measured(planned, trace)
+        result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall))
+        if target is not None:
+            result = dataclasses.replace(result, folder=write_run(result, target, rerun=rerun, replace=replace))
+        if live is not None:
+            flown = shown(result)
+            live.finish(flown.card, flown.planned)
+    finally:
+        if live is not None:
+            live.close()
+    return result
 
 
 def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:
     """Fly what is planned, once, and measure it."""
-    return _measured(plan, _collected(assemble(plan), plan.scenario, None))
+    return _measured(plan, _collected(assemble(plan), plan.scenario))
 
 
-def _collected(flight: Flight, scenario: Scenario, pace: Clock | None) -> Trace:
-    """Fly, at the pace of a clock if there is one, and keep every sample."""
+def _collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, live: Live | None = None) -> Trace:
+    """Fly, at the pace of a clock and before a viewer's eyes if there are any, and keep every sample."""
     control_hz, timings = scenario.rates.control_hz, array("q")
     samples = _fly(flight)
     if pace is not None:
         samples = paced(samples, control_hz=control_hz, clock=pace, record=timings.extend)
+    if live is not None:
+        samples = live.watched(samples)
     trace = collect(samples, estimators=[e.name for e in scenario.estimators], control_hz=control_hz)
     return trace if pace is None else with_timings(trace, timings)
 

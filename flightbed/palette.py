@@ -10,12 +10,17 @@ REFERENCE, ACTUAL, COMMAND, TRUTH, FAILURE, OTHER = "#00a078", "#2a7fd4", "#cc84
 
 # Estimators, and runs beside each other, in order; a further one begins again.
 ESTIMATES = (ACTUAL, COMMAND, REFERENCE, OTHER)
-RUNS = (ACTUAL, COMMAND, REFERENCE, TRUTH, OTHER)
+RUNS = (ACTUAL, COMMAND, OTHER, TRUTH, REFERENCE)
 
 
 def estimate(index: int) -> str:
     """Return the colour of the estimator with this index in the scenario."""
     return ESTIMATES[index % len(ESTIMATES)]
+
+
+def run(index: int) -> str:
+    """Return the colour of one of several runs beside each other."""
+    return RUNS[index % len(RUNS)]
 
 
 def rgb(color: str) -> tuple[int, int, int]:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Found = tuple[float, float, float, float, float, float, float, float, float, float, float, float]  # what a tick gives
 P_ = ParamSpec("P_")
 R_ = TypeVar("R_")
 
@@ -234,9 +235,7 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
 
 
 @compiled
-def tick(
-    bank: Array, settings: Array, u: float, z0: float, z1: float, k: int
-) -> tuple[float, float, float, float, float, float, float, float, float, float, float, float]:
+def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -> Found:
     """Advance a bank by one sample, both states measured, and return the estimate of the filter that has the most data.
 
     Tick 0 starts every filter. In a window (W > 1) filter k mod W has then seen exactly W samples: it gives the

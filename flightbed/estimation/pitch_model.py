@@ -6,7 +6,7 @@ from math import cos, exp, pi, sin, sqrt
 
 import numpy as np
 
-from flightbed.estimation.kernels import Array, compiled
+from flightbed.estimation.kernels import Array, Found, compiled
 from flightbed.estimation.kernels import tick as advance
 from flightbed.units import G0
 
@@ -144,7 +144,7 @@ def local_model(
 def tick(
     bank: Array, settings: Array, schedule: Array, dt: float, elevator: float, z0: float, z1: float,
     alpha: float, q: float, mach: float, altitude_m: float, theta: float, phi: float, k: int,
-) -> tuple[float, float, float, float, float, float, float, float]:  # fmt: skip
+) -> Found:  # fmt: skip
     """Advance a bank by one sample on the schedule: ``kernels.tick`` with the model of the period that ends now.
 
     Where the process noise follows disturbances, the gust's pitch rate is taken off too. A vertical gust w that varies along the flight

@@ -84,7 +84,11 @@ def plots(trace: Trace, *, stops_deg: Sequence[float], gusts: bool, moves_cg: bo
     kept = []
     for plot in wanted:
         lines = tuple(line for line in plot.lines if not line.column or _told(trace, line.column))
-        if any(line.column for line in lines) and (gusts or plot.key != "gust") and (moves_cg or plot.key != "cg_shift"):
+        if (
+            any(line.column for line in lines)
+            and (gusts or plot.key != "gust")
+            and (moves_cg or plot.key != "cg_shift")
+        ):
             kept.append(Plot(plot.key, plot.title, plot.tab, lines, plot.range, plot.estimator, plot.bands))
     return tuple(kept)
 

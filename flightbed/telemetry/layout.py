@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import rerun.blueprint as rrb
@@ -41,7 +41,7 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
         column_shares=[2, 3],
         name=OVERVIEW,
     )
-    pages = [overview]
+    pages: list[Any] = [overview]
     indices = sorted({p.estimator for p in plots if p.estimator is not None})
     if each := [rrb.Vertical(*of(ESTIMATORS, index), name=_title(plots, index)) for index in indices]:
         estimators = rrb.Horizontal(*each) if len(each) < 4 else rrb.Tabs(*each)
@@ -69,7 +69,7 @@ def _plot(plot: Plot) -> rrb.TimeSeriesView:
     )
 
 
-def _chase(origin: str, contents: str | Iterable[str] = "/world/**") -> rrb.Spatial3DView:
+def _chase(origin: str, contents: str | Sequence[str] = "/world/**") -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         name="Chase view, m; stabilators: blue K = 1, red K = 0",
         origin=origin,

@@ -63,7 +63,10 @@ def stabilators() -> Mesh:
 def _loft(stations: list[tuple[float, float, float, float]], color: tuple[int, int, int], *, at_y: float = 0.0) -> Mesh:
     around = 12
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
-    rings = [np.column_stack([np.full(around, x), at_y + w * np.cos(angle), z + h * np.sin(angle)]) for x, w, h, z in stations]
+    rings = [
+        np.column_stack([np.full(around, x), at_y + w * np.cos(angle), z + h * np.sin(angle)])
+        for x, w, h, z in stations
+    ]
     faces = []
     for ring in range(len(stations) - 1):
         for i in range(around):

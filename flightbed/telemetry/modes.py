@@ -52,13 +52,15 @@ def lanes(detectors: Sequence[str]) -> tuple[Lane, ...]:
 
 def states(trace: Trace, lane: Lane, actuator: Actuator, *, control_hz: int) -> npt.NDArray[np.intp]:
     """Return the index of the state of a lane at every tick."""
+    hurt: npt.NDArray[np.bool_]
     if lane.key == "elevator":
         hurt = (trace["effectiveness_true"] != 1.0) | (trace["elevator_force_true"] != 1.0)
     elif lane.key == "airframe":
         hurt = trace["cg_shift_cbar"] != 0.0
     elif lane.key == "saturation":
         rate = np.abs(np.diff(trace["elevator_deg"], prepend=trace["elevator_deg"][:1])) * DEG * control_hz
-        return np.where(at_stop(trace, actuator), 2, np.where(rate >= _NEAR * actuator.rate_limit_rad_s, 1, 0))
+        fast = rate >= _NEAR * actuator.rate_limit_rad_s
+        return np.where(at_stop(trace, actuator), 2, fast.astype(np.intp))
     else:
         hurt = trace[f"{lane.key.removeprefix('detection_')}.alarms"] > 0.0
     return hurt.astype(np.intp)

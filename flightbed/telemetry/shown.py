@@ -103,4 +103,5 @@ class Shown:
         raw: dict[str, Any] = json.loads(text)
         raw["planned"] = tuple(Event(*event) for event in raw["planned"])
         raw["actuator"] = Actuator(**raw["actuator"])
-        return cls(**{key: tuple(value) if isinstance(value, list) else value for key, value in raw.items()})
+        plain: Any = {key: tuple(value) if isinstance(value, list) else value for key, value in raw.items()}
+        return cls(**plain)

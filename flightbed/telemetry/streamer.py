@@ -1,0 +1,159 @@
+"""The process that shows a flight live: takes its ticks from standard input, tells the viewer; see ``live.py``."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import rerun as rr
+
+from flightbed.card import seen_events
+from flightbed.errors import FlightbedError
+from flightbed.excitation import WINDOW_S, with_excitation
+from flightbed.live import FLIGHT, HEADER, RESULT, ROWS
+from flightbed.telemetry import layout, viewer
+from flightbed.telemetry.recorder import Recorder
+from flightbed.telemetry.recording import APPLICATION
+from flightbed.telemetry.shown import Event, Shown
+from flightbed.trace import Trace, Vector, from_rows
+
+_LOOK_S = 0.5  # between looks whether the viewer is still there
+_FLUSH_S = 5.0
+
+
+def main() -> None:
+    """Show the flight that comes in; ends with it, or with the viewer."""
+    host, port = sys.argv[1], int(sys.argv[2])
+    messages = _messages()
+    kind, content = next(next(messages))
+    assert kind == FLIGHT
+    _tell(_opened(host, port))
+    show = _Show(Shown.from_json(content.decode()), host, port)
+    looked = time.monotonic()
+    for batch in messages:
+        rows = b""
+        for kind, content in batch:
+            if kind == ROWS:
+                rows += content
+            elif kind == RESULT:
+                show.add(rows)
+                rows = b""
+                show.result(content)
+        show.add(rows)
+        if time.monotonic() - looked > _LOOK_S:
+            looked = time.monotonic()
+            if not viewer.listens(host, port):
+                _end("lost is gone")
+    try:
+        show.stream.flush(timeout_sec=_FLUSH_S)
+    except Exception:  # it says RuntimeError or its own error when the viewer is gone
+        _end("lost is gone")
+    _end("done")
+
+
+def _opened(host: str, port: int) -> str:
+    """Find the viewer, or open one; returns what to tell the flight."""
+    if viewer.listens(host, port):
+        return "ready"
+    if host not in (viewer.LOOPBACK, "localhost", "::1"):
+        return "lost does not answer"
+    if not viewer.has_display():
+        return "lost is not there, and there is no display to open one on (docs/viewer.md: a viewer elsewhere)"
+    try:
+        viewer.launch(port, "--expect-data-soon")
+    except FlightbedError as error:
+        return f"lost is not there: {error}"
+    return "ready"
+
+
+def _tell(text: str) -> None:
+    if text.startswith("lost"):
+        _end(text)
+    rr.Scalars(np.zeros(2))  # the first one costs 0.2 s
+    _say(text)
+
+
+def _end(text: str) -> None:
+    """Say the last word and go, without what Rerun does at exit: it waits for a viewer that is not there."""
+    _say(text)
+    os._exit(0)
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+def _messages() -> Iterator[Iterator[tuple[bytes, bytes]]]:
+    """Yield the messages that have come in since the last time, at least one."""
+    waiting = b""
+    while chunk := os.read(sys.stdin.fileno(), 1 << 20):
+        waiting += chunk
+        found = []
+        while len(waiting) >= HEADER.size:
+            kind, length = HEADER.unpack_from(waiting)
+            if len(waiting) < HEADER.size + length:
+                break
+            found.append((kind, waiting[HEADER.size : HEADER.size + length]))
+            waiting = waiting[HEADER.size + length :]
+        if found:
+            yield iter(found)
+
+
+class _Show:
+    """One flight on its way to the viewer."""
+
+    def __init__(self, shown: Shown, host: str, port: int) -> None:
+        self._shown = shown
+        # A second flight of the same scenario is another recording.
+        self.stream = rr.RecordingStream(APPLICATION, recording_id=f"{shown.recording_id}-{time.time_ns():x}")
+        self.stream.set_log_time_enabled(False)
+        self.stream.connect_grpc(viewer.url(host, port))
+        self._recorder: Recorder | None = None
+        self._seen: set[Event] = set()
+        self._kept: Vector = np.zeros(0)  # last rows, which the next ones are judged with
+
+    def add(self, rows: bytes) -> None:
+        """Show further ticks."""
+        if not rows:
+            return
+        shown, values = self._shown, np.concatenate([self._kept, np.frombuffer(rows)])
+        trace = from_rows(values, estimators=shown.estimators, control_hz=shown.control_hz)
+        trace = with_excitation(trace, m_delta=shown.m_delta, control_hz=shown.control_hz)
+        width = len(values) // len(trace)
+        new = len(self._kept) // width
+        if self._recorder is None:
+            self._recorder = self._begin(trace)
+        self._recorder.add(trace, new)
+        now = float(trace["t_s"][-1])
+        happened = [event for event in shown.planned if event.t_s <= now + 1e-9]
+        happened += [Event(*event) for event in seen_events(trace, shown.actuator, since=new)]
+        self._log(happened)
+        self._kept = values[-width * (round(WINDOW_S * shown.control_hz) + 1) :]
+
+    def result(self, content: bytes) -> None:
+        """Show what came of the flight."""
+        told = json.loads(content)
+        if self._recorder is not None:
+            self._recorder.card(told["card"])
+            self._log([Event(*event) for event in told["events"]])
+
+    def _begin(self, trace: Trace) -> Recorder:
+        plots = self._shown.plots(trace)
+        self.stream.send_blueprint(layout.flight(plots, live=True), make_active=True)
+        recorder = Recorder(self.stream, self._shown, plots)
+        recorder.begin()
+        return recorder
+
+    def _log(self, events: list[Event]) -> None:
+        assert self._recorder is not None
+        self._recorder.events(event for event in events if event not in self._seen)
+        self._seen.update(events)
+
+
+if __name__ == "__main__":
+    main()
