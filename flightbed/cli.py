@@ -148,6 +148,35 @@ def view(
     return viewer.view(recording)
 
 
+@app.command
+def compare(
+    *runs: str,
+    out: Path | None = None,
+    json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+) -> None:
+    """Put runs side by side: metrics and differences, one recording on one time axis, a report page.
+
+    Args:
+        runs: Folders that `flightbed run` wrote, two or more; differences are from the first.
+        out: Folder to write; an earlier comparison in it is replaced. Without it: comparisons/FIRST-SECOND-..., or ...-2 if that exists.
+        json: Print what comparison.json holds, and the folder, as JSON and nothing else on stdout.
+
+    """
+    from flightbed import comparison, folder
+    from flightbed.comparison_report import comparison_report
+
+    read = comparison.load_runs(runs)
+    place = out if out is not None else Path("comparisons") / comparison.short_name(read)
+    target = folder.check_target(place, replace=out is not None, files=folder.COMPARISON_FILES)
+    written = folder.write_comparison(read, comparison_report(read), target, replace=out is not None)
+    if json:
+        print(json_module.dumps({**comparison.to_dict(read), "folder": str(written)}, indent=2))
+    else:
+        from flightbed.screen import comparison_lines
+
+        _print(comparison_lines(read, written))
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
 class ConditionOptions:

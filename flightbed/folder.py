@@ -6,7 +6,7 @@ import errno
 import json
 import os
 import tempfile
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,12 +15,15 @@ from flightbed.card import events, run_card
 from flightbed.errors import OutputError
 
 if TYPE_CHECKING:
+    from flightbed.comparison import Run
     from flightbed.document import Document
     from flightbed.mission import Result
     from flightbed.telemetry.shown import Shown
 
 RUN_FILES = frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"})
 STUDY_FILES = frozenset({"report.html", "results.json"})
+COMPARISON_FILES = frozenset({"comparison.rrd", "comparison.json", "report.html"})
+_KINDS = {RUN_FILES: "run", STUDY_FILES: "study", COMPARISON_FILES: "comparison"}
 
 
 def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FILES) -> Path:
@@ -41,7 +44,7 @@ def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FI
         if replace and target.is_dir():
             strangers = sorted(p.name for p in target.iterdir() if p.name not in files)
             if strangers:
-                kind = "study" if files is STUDY_FILES else "run"
+                kind = _KINDS.get(frozenset(files), "run")
                 raise OutputError(
                     f"--out {target}: holds '{strangers[0]}', which is not from a {kind}; name a new folder"
                 )
@@ -72,6 +75,20 @@ def write_study(document: Document, target: Path, *, replace: bool) -> Path:
     def write(new: Path) -> None:
         (new / "report.html").write_text(render(document), encoding="utf-8")
         (new / "results.json").write_text(_json(document.to_dict()), encoding="utf-8")
+
+    return _write(target, write, replace=replace)
+
+
+def write_comparison(runs: Sequence[Run], document: Document, target: Path, *, replace: bool) -> Path:
+    """Write the folder of a comparison, its recording, its page and its numbers; returns where it went."""
+    from flightbed.comparison import to_dict
+    from flightbed.page import render
+    from flightbed.telemetry.comparing import write_comparison as record
+
+    def write(new: Path) -> None:
+        (new / "report.html").write_text(render(document), encoding="utf-8")
+        (new / "comparison.json").write_text(_json(to_dict(runs)), encoding="utf-8")
+        record(new / "comparison.rrd", runs, tables=document.tables())
 
     return _write(target, write, replace=replace)
 
@@ -149,9 +166,12 @@ def folder_of(run_folder: str | Path) -> Path:
     return folder
 
 
-def recording_of(run_folder: str | Path) -> Path:
-    """Return the recording in a run's folder. Raises OutputError."""
-    recording = folder_of(run_folder) / "flight.rrd"
+def recording_of(folder: str | Path) -> Path:
+    """Return the recording in the folder of a run or a comparison. Raises OutputError."""
+    compared = Path(folder) / "comparison.rrd"
+    if compared.is_file():
+        return compared
+    recording = folder_of(folder) / "flight.rrd"
     if not recording.is_file():
         raise OutputError(f"{recording}: there is no recording; fly the scenario again with --rerun save")
     return recording

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from flightbed.card import correction, failures, kept_pace, outcome
 from flightbed.document import show
 
 if TYPE_CHECKING:
+    from flightbed.comparison import Run
     from flightbed.document import Document
     from flightbed.mission import Result
 
@@ -50,6 +51,24 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
     if summary["estimators"]:
         yield _estimates(summary)
     yield f"  {summary['flown_s']:g} s flown in {summary['wall_time_s']:.2f} s; written to {escape(str(result.folder))}"
+
+
+def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableType]:
+    """Tell how runs differ: metrics, settings, and where the rest is."""
+    from flightbed.comparison import differing, metrics_table
+
+    for table in (metrics_table(runs), differing(runs)):
+        if not table.rows:
+            yield "All settings are the same."
+            continue
+        yield Text(table.title, style="bold")
+        grid = Table(box=None, header_style="dim", padding=(0, 1))
+        for column in table.columns:
+            grid.add_column(escape(column))
+        for row in table.rows:
+            grid.add_row(*(escape(cell) for cell in table.shown(row)))
+        yield grid
+    yield f"  written to {escape(str(written))}; look: flightbed view {escape(str(written))}"
 
 
 def _estimates(summary: dict[str, Any]) -> Table:

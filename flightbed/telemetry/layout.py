@@ -36,7 +36,7 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
     )
     mode = rrb.StateTimelineView(name="Modes", origin="/mode", time_view=rrb.TimeAxis(link="LinkToGlobal"))
     overview = rrb.Horizontal(
-        rrb.Vertical(_chase("/world/cg"), mode, words, row_shares=[5, 2, 4]),
+        rrb.Vertical(_chase("/world/cg", ["/world/trail"]), mode, words, row_shares=[5, 2, 4]),
         rrb.Vertical(*of(OVERVIEW)),
         column_shares=[2, 3],
         name=OVERVIEW,
@@ -55,6 +55,29 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
     return _blueprint(rrb.Tabs(*pages, active_tab=min(tab, len(pages) - 1)), live=live)
 
 
+def comparison(plots: Sequence[Plot], *, origins: Sequence[str]) -> rrb.Blueprint:
+    """Return the layout of several flights; ``origins`` are their aircraft, the first is followed."""
+    table = rrb.TextDocumentView(name="Metrics and differences", origin="/run_card")
+    mode = rrb.StateTimelineView(name="Modes", origin="/mode", time_view=rrb.TimeAxis(link="LinkToGlobal"))
+
+    def of(tab: str) -> list[Any]:
+        return [_plot(plot) for plot in plots if plot.tab == tab]
+
+    overview = rrb.Horizontal(
+        rrb.Vertical(
+            _chase(origins[0], [origin.replace("/cg", "/trail") for origin in origins], far=True),
+            mode,
+            table,
+            row_shares=[4, 2, 5],
+        ),
+        rrb.Vertical(*of(OVERVIEW)),
+        column_shares=[1, 1],
+        name=OVERVIEW,
+    )
+    airframe = rrb.Grid(*of(AIRFRAME), grid_columns=2, name=AIRFRAME)
+    return _blueprint(rrb.Tabs(overview, airframe, active_tab=0), live=False)
+
+
 def _title(plots: Sequence[Plot], index: int) -> str:
     return next(p.title.partition(":")[0] for p in plots if p.estimator == index)
 
@@ -69,18 +92,18 @@ def _plot(plot: Plot) -> rrb.TimeSeriesView:
     )
 
 
-def _chase(origin: str, contents: str | Sequence[str] = "/world/**") -> rrb.Spatial3DView:
+def _chase(origin: str, trails: Sequence[str], *, far: bool = False) -> rrb.Spatial3DView:
+    """Return the view that follows an aircraft; from far it is seen from behind, with those at its right."""
+    position, target = ([-75, 45, -25], [0, 20, 8]) if far else ([-15, 11, -7], [0, 0, 0])
     return rrb.Spatial3DView(
         name="Chase view, m; stabilators: blue K = 1, red K = 0",
         origin=origin,
-        contents=contents,
+        contents="/world/**",
         background=_DARK,
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital", position=[-15, 11, -7], look_target=[0, 0, 0], eye_up=[0, 0, -1]
-        ),
+        eye_controls=rrb.EyeControls3D(kind="Orbital", position=position, look_target=target, eye_up=[0, 0, -1]),
         line_grid=rrb.LineGrid3D(visible=False),
         # Of the trail all that has been flown so far; on the whole view it would take the meshes' colours away.
-        overrides={"/world/trail": rrb.VisibleTimeRanges(_FLOWN)},
+        overrides={trail: rrb.VisibleTimeRanges(_FLOWN) for trail in trails},
     )
 
 

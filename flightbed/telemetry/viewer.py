@@ -18,7 +18,7 @@ from flightbed.telemetry.layout import TIMELINE
 
 LOOPBACK = "127.0.0.1"
 PORT = 9876  # Rerun's own
-_SETTLING_S = 1.0  # for the views to draw what has arrived
+_SETTLING_S = 3.5  # for the views to draw what has arrived, and for the viewer's own messages to go
 _OPENING_S = 20.0  # the first time, a viewer of 280 MB comes from a cold disk
 
 

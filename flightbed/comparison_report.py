@@ -1,0 +1,76 @@
+"""Compared runs -> the document of their page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+
+from flightbed import drawing, palette
+from flightbed.comparison import Run, differing, metrics_table
+from flightbed.document import Document, Picture, Section
+from flightbed.trace import Vector
+
+_ROWS = (
+    ("Pitch rate, deg/s", "q_deg_s", "q_ref_deg_s", palette.REFERENCE, "reference"),
+    ("K, share", "effectiveness", "effectiveness_true", palette.TRUTH, "true"),
+    ("Elevator, deg", "elevator_deg", "", "", ""),
+    ("Angle of attack, deg", "alpha_deg", "", "", ""),
+    ("Load factor nz, g", "nz_g", "", "", ""),
+)
+
+
+def comparison_report(runs: Sequence[Run]) -> Document:
+    """Return the report of runs side by side: outcomes, figures on one time axis, metrics, settings that differ."""
+    names = ", ".join(run.label for run in runs)
+    outcomes = tuple(f"{run.label}: {run.outcome}." for run in runs)
+    figure = Picture(
+        "overlay",
+        "All runs on one time axis",
+        drawing.distinct(_draw(runs), "overlay"),
+        "K is that of the estimator that adapts, or else of the first, smoothed; the dotted line is the failure.",
+    )
+    settings = differing(runs)
+    same = () if settings.rows else ("All settings are the same.",)
+    return Document(
+        f"Compared: {names}",
+        (
+            Section("What happened", outcomes, (metrics_table(runs),)),
+            Section("Flights", (), (figure,)),
+            Section("What differs", same, (settings,) if settings.rows else ()),
+        ),
+        {
+            "runs": ", ".join(str(run.folder) for run in runs),
+            "versions": {"flightbed": version("flightbed")},
+            "again": "flightbed compare " + " ".join(str(run.folder) for run in runs),
+        },
+    )
+
+
+def _draw(runs: Sequence[Run]) -> str:
+    with drawing.canvas(len(_ROWS), height=1.9) as (axes, svg):
+        for row, (title, column, shared, color, name) in zip(axes, _ROWS, strict=True):
+            told: list[Vector] = []
+            for run in runs:
+                t = run.trace["t_s"]
+                if shared and not any(
+                    (run.trace[shared] == other[: len(t)]).all() for other in told if len(other) >= len(t)
+                ):
+                    told.append(run.trace[shared])
+                    row.plot(t, run.trace[shared], color=color, label="_" if len(told) > 1 else name)
+            for run in runs:
+                values = _values(run, column)
+                if values is not None:
+                    row.plot(run.trace["t_s"], values, color=run.color, label=run.label)
+            for t_s in sorted({t_s for run in runs for t_s in run.failures_s}):
+                drawing.mark(row, t_s)
+            row.set_ylabel(title)
+        drawing.legend(axes[0])
+        axes[-1].set_xlabel("t, s")
+        text: Callable[[], str] = svg
+        return text()
+
+
+def _values(run: Run, column: str) -> Vector | None:
+    if column != "effectiveness":
+        return run.trace[column]
+    return None if run.watched is None else run.trace[f"{run.watched}.effectiveness_smoothed"]

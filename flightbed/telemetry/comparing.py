@@ -1,0 +1,141 @@
+"""Several runs -> one recording on one time axis, each in its colour."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+from flightbed import palette
+from flightbed.comparison import Run
+from flightbed.document import Table
+from flightbed.errors import OutputError
+from flightbed.telemetry import layout
+from flightbed.telemetry.channels import AIRFRAME, OVERVIEW, Plot
+from flightbed.telemetry.chase import Aircraft, time_of
+from flightbed.telemetry.layout import TIMELINE
+from flightbed.telemetry.recording import APPLICATION
+from flightbed.trace import Vector
+
+APART_M = 20.0  # to the right, so that aircraft that fly alike are seen side by side
+_STATES = {"healthy": palette.REFERENCE, "failed": palette.COMMAND, "departed": palette.FAILURE, "over": palette.OTHER}
+
+_PLOTS = (
+    Plot("pitch_rate", "Pitch rate, deg/s", OVERVIEW, ()),
+    Plot("effectiveness", "Elevator effectiveness K, smoothed estimate, share", OVERVIEW, (), (-0.1, 1.3)),
+    Plot("elevator", "Elevator position, deg", OVERVIEW, ()),
+    Plot("alpha", "Angle of attack, deg", OVERVIEW, ()),
+    Plot("mach", "Mach number, 1", AIRFRAME, ()),
+    Plot("altitude", "Altitude, ft", AIRFRAME, ()),
+    Plot("load_factor", "Load factor nz, g", AIRFRAME, ()),
+    Plot("attitude", "Attitude theta, deg", AIRFRAME, ()),
+)
+_COLUMNS: Mapping[str, str] = {
+    "pitch_rate": "q_deg_s", "elevator": "elevator_deg", "alpha": "alpha_deg", "mach": "mach", "altitude": "altitude_ft",
+    "load_factor": "nz_g", "attitude": "theta_deg",
+}  # fmt: skip
+# What is drawn beside the runs' own, once where it is the same in several: column, name, colour.
+_SHARED = {
+    "pitch_rate": ("q_ref_deg_s", "q reference", palette.REFERENCE),
+    "effectiveness": ("effectiveness_true", "K true", palette.TRUTH),
+}
+
+
+def write_comparison(path: Path, runs: Sequence[Run], *, tables: Sequence[Table]) -> None:
+    """Write the recording of several runs, with its layout. Raises OutputError."""
+    slugs = [f"{i + 1}_{re.sub('[^A-Za-z0-9]+', '_', run.label)}" for i, run in enumerate(runs)]
+    stream = rr.RecordingStream(APPLICATION, recording_id="-".join(slugs)[:100])
+    stream.set_log_time_enabled(False)
+    origins = [f"/world/{slug}/cg" for slug in slugs]
+    try:
+        stream.save(path, default_blueprint=layout.comparison(_PLOTS, origins=origins))
+    except Exception as error:
+        raise OutputError(f"{path}: cannot be written: {error}") from None
+    with stream:
+        stream.send_recording_name(" / ".join(run.label for run in runs))
+        card = "\n\n".join(_markdown(table) for table in tables)
+        stream.log("run_card", rr.TextDocument(card, media_type=rr.MediaType.MARKDOWN), static=True)
+        stream.log("world", rr.ViewCoordinates.FRD, static=True)
+        for plot in _PLOTS:
+            _lines(stream, plot, runs, slugs)
+        for i, (run, slug) in enumerate(zip(runs, slugs, strict=True)):
+            aircraft = Aircraft(stream, f"world/{slug}", trail=run.color, label=run.label, east_m=i * APART_M)
+            aircraft.begin()
+            aircraft.add(run.trace)
+            _states(stream, run, f"mode/{slug}")
+        stream.flush()
+    stream.disconnect()
+
+
+def _column(run: Run, plot: Plot) -> Vector | None:
+    if plot.key != "effectiveness":
+        values = run.trace[_COLUMNS[plot.key]]
+    elif run.watched is None:
+        return None
+    else:
+        values = run.trace[f"{run.watched}.effectiveness_smoothed"]
+    return values if np.any(np.isfinite(values)) else None
+
+
+def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: Sequence[str]) -> None:
+    low, high = plot.range or (np.inf, -np.inf)
+    if plot.key in _SHARED:
+        column, label, color = _SHARED[plot.key]
+        told: list[Vector] = []
+        for run, slug in zip(runs, slugs, strict=True):
+            values = run.trace[column]
+            if any(np.array_equal(values, other[: len(values)]) for other in told):
+                continue
+            told.append(values)
+            _line(
+                stream,
+                f"{plot.key}/{label.replace(' ', '_')}/{slug}",
+                f"{label}, {run.label}",
+                color,
+                run.trace["t_s"],
+                values,
+            )
+    for run, slug in zip(runs, slugs, strict=True):
+        own = _column(run, plot)
+        if own is not None:
+            name = f"{run.label}: {run.watched}" if plot.key == "effectiveness" else run.label
+            _line(stream, f"{plot.key}/{slug}", name, run.color, run.trace["t_s"], own)
+            if plot.range is None:
+                low, high = min(low, float(np.nanmin(own))), max(high, float(np.nanmax(own)))
+    if not low < high:
+        return
+    for t_s in sorted({t_s for run in runs for t_s in run.failures_s}):
+        entity = f"{plot.key}/failure_{t_s:g}"
+        _line(
+            stream, entity, f"failure at {t_s:g} s", palette.FAILURE, np.array([t_s, t_s]), np.array([low, high]), "Off"
+        )
+
+
+def _line(
+    stream: rr.RecordingStream, entity: str, label: str, color: str, t_s: Vector, values: Vector, policy: str = "MinMax"
+) -> None:
+    style = rr.SeriesLines(names=label, colors=palette.rgb(color), widths=1.6, aggregation_policy=policy)  # type: ignore[arg-type]
+    stream.log(entity, style, static=True)
+    stream.send_columns(entity, indexes=time_of(t_s), columns=rr.Scalars.columns(scalars=values))
+
+
+def _states(stream: rr.RecordingStream, run: Run, entity: str) -> None:
+    colors = np.array([0xFF + (int(color[1:], 16) << 8) for color in _STATES.values()], dtype=np.uint32)
+    stream.log(entity, rr.StateConfiguration(values=list(_STATES), colors=colors), static=True)
+    changes = [(0.0, "healthy")]
+    changes += [(t_s, "failed") for t_s in run.failures_s[:1] if t_s <= run.trace["t_s"][-1]]
+    changes.append((float(run.trace["t_s"][-1]), "departed" if run.summary["departed"] else "over"))
+    for t_s, state in changes:
+        stream.set_time(TIMELINE, duration=t_s)
+        stream.log(entity, rr.StateChange(state=state))
+
+
+def _markdown(table: Table) -> str:
+    def row(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+
+    rows = "".join(row(table.shown(cells)) for cells in table.rows)
+    return f"## {table.title}\n\n{row(table.columns)}|{'---|' * len(table.columns)}\n{rows}"
