@@ -48,7 +48,7 @@ class Aircraft:
         trail = rr.LineStrips3D.from_fields(colors=palette.rgb(self._color), radii=0.08)
         stream.log(f"{root}/trail", trail, static=True)
         if self._label:
-            point = rr.Points3D([0.0, 0.0, -4.5], radii=0.15, colors=palette.rgb(self._color), labels=self._label)
+            point = rr.Points3D([0.0, 0.0, -8.0], radii=0.15, colors=palette.rgb(self._color), labels=self._label)
             stream.log(f"{root}/cg/label", point, static=True)
 
     def add(self, part: Trace) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import rerun as rr
@@ -17,6 +18,7 @@ from flightbed.telemetry import layout
 from flightbed.telemetry.channels import AIRFRAME, OVERVIEW, Plot
 from flightbed.telemetry.chase import Aircraft, time_of
 from flightbed.telemetry.layout import TIMELINE
+from flightbed.telemetry.recorder import upright
 from flightbed.telemetry.recording import APPLICATION
 from flightbed.trace import Vector
 
@@ -107,19 +109,21 @@ def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: S
                 low, high = min(low, float(np.nanmin(own))), max(high, float(np.nanmax(own)))
     if not low < high:
         return
-    for t_s in sorted({t_s for run in runs for t_s in run.failures_s}):
-        entity = f"{plot.key}/failure_{t_s:g}"
-        _line(
-            stream, entity, f"failure at {t_s:g} s", palette.FAILURE, np.array([t_s, t_s]), np.array([low, high]), "Off"
-        )
+    failures = np.array(sorted({t_s for run in runs for t_s in run.failures_s}))
+    if failures.size:
+        entity = f"{plot.key}/failure"
+        _style(stream, entity, "failure", palette.FAILURE, "Off")
+        stream.send_columns(entity, indexes=time_of(np.repeat(failures, 3)), columns=upright(low, high, len(failures)))
 
 
-def _line(
-    stream: rr.RecordingStream, entity: str, label: str, color: str, t_s: Vector, values: Vector, policy: str = "MinMax"
-) -> None:
-    style = rr.SeriesLines(names=label, colors=palette.rgb(color), widths=1.6, aggregation_policy=policy)  # type: ignore[arg-type]
-    stream.log(entity, style, static=True)
+def _line(stream: rr.RecordingStream, entity: str, label: str, color: str, t_s: Vector, values: Vector) -> None:
+    _style(stream, entity, label, color, "MinMax")
     stream.send_columns(entity, indexes=time_of(t_s), columns=rr.Scalars.columns(scalars=values))
+
+
+def _style(stream: rr.RecordingStream, entity: str, label: str, color: str, policy: Literal["MinMax", "Off"]) -> None:
+    style = rr.SeriesLines(names=label, colors=palette.rgb(color), widths=1.6, aggregation_policy=policy)
+    stream.log(entity, style, static=True)
 
 
 def _states(stream: rr.RecordingStream, run: Run, entity: str) -> None:

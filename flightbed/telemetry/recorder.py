@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +35,7 @@ class Recorder:
         self._lanes = [lane for lane in lanes(shown.detectors) if lane.key != "airframe" or shown.moves_cg]
         self._state = dict.fromkeys((lane.key for lane in self._lanes), -1)
         self._extent: dict[str, tuple[float, float]] = {}
-        self._marked: dict[str, tuple[float, float]] = {}
+        self._marked: dict[str, tuple[float, float, int]] = {}
         self._aircraft = Aircraft(stream, "world", trail=palette.OTHER)
 
     def begin(self) -> None:
@@ -54,14 +55,14 @@ class Recorder:
                 color = palette.rgb(palette.estimate(i))
                 band = rr.Measurements.from_fields(names=f"K {name} +-2 sigma", colors=color, units="share")
                 stream.log(f"{plot.key}/{name}", band, static=True)
-            for t_s in self._shown.failures_s:
+            if self._shown.failures_s:
                 style = rr.SeriesLines(
-                    names=f"failure at {t_s:g} s",
+                    names="failure" if len(self._shown.failures_s) == 1 else "failures",
                     colors=palette.rgb(palette.FAILURE),
                     widths=1.2,
                     aggregation_policy="Off",
                 )
-                stream.log(_failure(plot, t_s), style, static=True)
+                stream.log(f"{plot.key}/failure", style, static=True)
         for lane in self._lanes:
             colors = np.array([0xFF + (int(color[1:], 16) << 8) for color in lane.colors], dtype=np.uint32)
             stream.log(f"mode/{lane.key}", rr.StateConfiguration(values=list(lane.states), colors=colors), static=True)
@@ -108,14 +109,12 @@ class Recorder:
     def _mark(self, plot: Plot, part: Trace) -> None:
         """Draw a line from bottom to top where a failure begins, a longer one as soon as what is plotted has grown."""
         low, high = plot.range or self._extent.get(plot.key, (0.0, 0.0))
-        for t_s in self._shown.failures_s:
-            entity = _failure(plot, t_s)
-            if part["t_s"][-1] < t_s - 1e-9 or self._marked.get(entity) == (low, high):
-                continue
-            self._marked[entity] = (low, high)
-            self._stream.set_time(TIMELINE, duration=t_s)
-            self._stream.log(entity, rr.Scalars([low]))
-            self._stream.log(entity, rr.Scalars([high]))
+        reached = [t_s for t_s in self._shown.failures_s if t_s <= part["t_s"][-1] + 1e-9]
+        wanted = (low, high, len(reached))
+        if reached and self._marked.get(plot.key) != wanted:
+            self._marked[plot.key] = wanted
+            columns = upright(low, high, len(reached))
+            self._stream.send_columns(f"{plot.key}/failure", indexes=time_of(np.repeat(reached, 3)), columns=columns)
 
     def _modes(self, trace: Trace, new: int) -> None:
         for lane in self._lanes:
@@ -127,5 +126,6 @@ class Recorder:
             self._state[lane.key] = int(found[-1])
 
 
-def _failure(plot: Plot, t_s: float) -> str:
-    return f"{plot.key}/failure_{t_s:g}"
+def upright(low: float, high: float, count: int) -> Any:
+    """Return columns of so many lines from low to high, each of two values and nothing, which ends it."""
+    return rr.Scalars.columns(scalars=np.tile([low, high], count)).partition([1, 1, 0] * count)

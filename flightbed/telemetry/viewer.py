@@ -18,7 +18,7 @@ from flightbed.telemetry.layout import TIMELINE
 
 LOOPBACK = "127.0.0.1"
 PORT = 9876  # Rerun's own
-_SETTLING_S = 3.5  # for the views to draw what has arrived, and for the viewer's own messages to go
+_SETTLING_S = 1.5  # for the views to draw what has arrived
 _OPENING_S = 20.0  # the first time, a viewer of 280 MB comes from a cold disk
 
 
@@ -141,6 +141,7 @@ def picture(recording: Path, target: Path, *, at_s: float | None = None, tab: st
             show_tab(client, tab)
         if at_s is not None:
             client.set_time(TIMELINE, duration=at_s, play_state="paused")
-        time.sleep(_SETTLING_S)
-        content = client.take_screenshot()
+        for _ in range(3):  # it draws when asked; its own messages go after some seconds of that
+            time.sleep(_SETTLING_S)
+            content = client.take_screenshot()
     write_whole(target, content)

@@ -1,0 +1,21 @@
+"""A recorded flight, and how recordings are read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from flightbed.mission import Result, run
+from flightbed.scenario import load_scenario
+
+
+@pytest.fixture(scope="session")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    return run(load_scenario("elevator-loss"), tmp_path_factory.mktemp("runs") / "run")
+
+
+@pytest.fixture(scope="session")
+def recording(flown: Result) -> Path:
+    assert flown.folder is not None
+    return flown.folder / "flight.rrd"

@@ -1,0 +1,286 @@
+"""The recording: verified by Rerun's own tool, and read back equal to the trace."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from flightbed import data
+from flightbed.folder import shown
+from flightbed.mission import Result, run
+from flightbed.scenario import load_scenario
+from flightbed.telemetry import mesh
+from flightbed.telemetry.channels import NIS_BOUND
+from flightbed.telemetry.chase import quaternions
+from flightbed.telemetry.recording import write_recording
+from flightbed.units import DEG, FT
+from tests.telemetry.reading import rerun, series, static_text
+
+# entity -> what its lines are, computed from the trace's columns here and not by the channels' own code
+K = "effectiveness"
+LINES = {
+    "/pitch_rate": ["q_ref_deg_s", "q_deg_s"],
+    "/alpha": ["alpha_deg"],
+    "/elevator": ["elevator_cmd_deg", "elevator_deg", -25.0, 25.0],
+    "/effectiveness": [f"{K}_true", f"scheduled.{K}_smoothed", f"expanding.{K}_smoothed"],
+    "/sigma": [f"scheduled.{K}_std", f"expanding.{K}_std", f"{K}_bound"],
+    "/nis/scheduled": ["scheduled.nis", 5.991464547107979],
+    "/nis/expanding": ["expanding.nis", 5.991464547107979],
+    "/excitation": ["excitation_deg_s2"],
+    "/mach": ["mach"],
+    "/altitude": ["altitude_ft"],
+    "/load_factor": ["nz_g"],
+    "/attitude": ["theta_deg", "phi_deg"],
+    "/forces": ["lift_n", "drag_n", "thrust_n"],
+}
+
+
+@pytest.mark.parametrize("entity", LINES)
+def test_every_line_reads_back_equal_to_the_trace(flown: Result, recording: Path, entity: str) -> None:
+    times, values = series(recording, entity, "Scalars:scalars")
+    np.testing.assert_allclose(times, flown.trace["t_s"], atol=1e-9)
+    for found, line in zip(values.reshape(len(times), -1).T, LINES[entity], strict=True):
+        if isinstance(line, float):
+            np.testing.assert_allclose(found, line, rtol=1e-9)
+        else:
+            np.testing.assert_array_equal(found, flown.trace[line])
+
+
+@pytest.mark.parametrize("name", ["scheduled", "expanding"])
+def test_innovations_are_shown_over_their_sigma(flown: Result, recording: Path, name: str) -> None:
+    _, values = series(recording, f"/innovation/{name}", "Scalars:scalars")
+    trace = flown.trace
+    for i, (key, unit) in enumerate((("alpha", "deg"), ("q", "deg_s"))):
+        ratio = trace[f"{name}.innovation_{key}_{unit}"][1:] / trace[f"{name}.innovation_{key}_std_{unit}"][1:]
+        np.testing.assert_array_equal(values[1:, i], ratio)
+        assert values[0, i] == 0.0  # nothing is predicted of the first readings
+    np.testing.assert_array_equal(values[:, 2:], np.tile([2.0, -2.0], (len(values), 1)))
+
+
+def test_nothing_numeric_is_in_the_recording_that_is_not_compared_here(recording: Path) -> None:
+    """A plot that is added has to be added to LINES."""
+    told = {
+        c.entity_path for c in RrdReader(recording).stream() if "Scalars:scalars" in c.to_record_batch().schema.names
+    }
+    others = {entity for entity in told if "/failure" not in entity and not entity.startswith("/innovation/")}
+    assert others == set(LINES)
+    assert scipy_bound() == pytest.approx(NIS_BOUND)
+
+
+def scipy_bound() -> float:
+    from scipy.stats import chi2
+
+    return float(chi2.ppf(0.95, 2))
+
+
+@pytest.mark.parametrize("name", ["scheduled", "expanding"])
+def test_the_band_is_two_sigma(flown: Result, recording: Path, name: str) -> None:
+    _, values = series(recording, f"/effectiveness/{name}", "Measurements:values")
+    _, variances = series(recording, f"/effectiveness/{name}", "Measurements:variances")
+    np.testing.assert_array_equal(values, flown.trace[f"{name}.effectiveness"])
+    np.testing.assert_allclose(np.sqrt(variances), 2.0 * flown.trace[f"{name}.effectiveness_std"], rtol=1e-12)
+
+
+def test_the_recording_passes_reruns_own_verification_and_is_small(recording: Path) -> None:
+    done = rerun("rrd", "verify", str(recording))
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", list(data.names("scenario")))
+def test_recordings_of_all_scenarios_are_small(name: str, tmp_path: Path) -> None:
+    """At most 1.5 MB for 16.5 s, whatever flies and however many estimators."""
+    result = run(load_scenario(name, ["duration_s=16.5"]))
+    write_recording(tmp_path / "flight.rrd", result.trace, shown(result))
+    assert (tmp_path / "flight.rrd").stat().st_size <= 1.5e6
+
+
+def test_the_aircraft_moves_as_flown(flown: Result, recording: Path) -> None:
+    _, position = series(recording, "/world/cg", "Transform3D:translation")
+    position = position.reshape(len(flown.trace), 3)
+    climbed = (flown.trace["altitude_ft"] - flown.trace["altitude_ft"][0]) * FT
+    expected = np.column_stack([flown.trace["north_m"], flown.trace["east_m"], -climbed]).astype(np.float32)
+    np.testing.assert_array_equal(position, expected)
+    assert np.hypot(*position[-1, :2]) == pytest.approx(250.0 * 16.5, rel=0.05)
+
+
+def test_the_trail_is_the_way_that_was_flown(recording: Path) -> None:
+    _, position = series(recording, "/world/cg", "Transform3D:translation")
+    position = position.reshape(-1, 3)
+    ends, pieces = [], []
+    for chunk in RrdReader(recording).stream():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path == "/world/trail" and "LineStrips3D:strips" in batch.schema.names:
+            ends += list(batch.column("time").to_numpy(zero_copy_only=False).astype("int64") * 1e-9)
+            pieces += [np.array(row[0]) for row in batch.column("LineStrips3D:strips").to_pylist()]
+    for before, after in itertools.pairwise(pieces):
+        np.testing.assert_array_equal(before[-1], after[0])  # no gaps
+    np.testing.assert_array_equal(np.vstack([pieces[0], *(p[1:] for p in pieces[1:])]), position)
+    assert ends[-1] == pytest.approx(16.49)
+
+
+def test_the_failure_is_marked_in_every_plot_and_told_in_the_log(recording: Path) -> None:
+    entities = {c.entity_path for c in RrdReader(recording).stream()}
+    for plot in [*LINES, "/innovation/scheduled", "/innovation/expanding"]:
+        assert f"{plot}/failure" in entities, plot
+        times, values = series(recording, f"{plot}/failure", "Scalars:scalars")
+        np.testing.assert_allclose(times, [4.5, 4.5, 4.5])
+        (low,), (high,), nothing = values
+        assert low < high, plot  # upright, and seen
+        assert not nothing
+    times, texts = series(recording, "/events", "TextLog:text")
+    assert "FAILURE: the elevator keeps 20% of its effect" in list(texts)
+    assert times[list(texts).index("FAILURE: the elevator keeps 20% of its effect")] == pytest.approx(4.5)
+
+
+def test_time_starts_at_zero_and_nothing_has_a_wall_clock(recording: Path) -> None:
+    first = np.inf
+    for chunk in RrdReader(recording).stream():
+        if not chunk.is_static:
+            names = set(chunk.to_record_batch().schema.names)
+            assert not {"log_time", "log_tick"} & names
+            first = min(first, chunk.to_record_batch().column("time").to_numpy(zero_copy_only=False).astype("int64")[0])
+    assert first == 0
+
+
+def test_the_modes_are_told(flown: Result, recording: Path) -> None:
+    times, states = series(recording, "/mode/elevator", "StateChange:state")
+    assert list(zip(times, states, strict=True)) == [(0.0, "healthy"), (4.5, "failed")]
+    times, states = series(recording, "/mode/detection_scheduled", "StateChange:state")
+    detected = 4.5 + flown.summary["estimators"]["scheduled"]["detected_at_s"]
+    assert list(states) == ["no change found", "change detected"]
+    np.testing.assert_allclose(times, [0.0, detected])
+    times, states = series(recording, "/mode/saturation", "StateChange:state")
+    assert {"free", "saturated: stop", "saturated: rate"} == set(states)
+    inside = np.searchsorted(times, flown.trace["t_s"] + 1e-9) - 1
+    stopped = np.abs(flown.trace["elevator_cmd_deg"]) >= 25.0 - 1e-6
+    np.testing.assert_array_equal(np.array(states)[inside] == "saturated: stop", stopped)
+    rate = np.abs(np.diff(flown.trace["elevator_deg"], prepend=flown.trace["elevator_deg"][0])) * 100
+    np.testing.assert_array_equal(np.array(states)[inside] == "saturated: rate", ~stopped & (rate >= 0.99 * 60.0))
+
+
+def test_the_mode_is_that_of_the_elevator(tmp_path: Path) -> None:
+    """A c.g. that moves at 0.5 s leaves it healthy until a failure of its own; both are marked."""
+    moved = ["failures.1.kind=cg-shift", "failures.1.at_s=0.5", "failures.1.shift_cbar=0.01", "failures.0.at_s=0.8"]
+    result = run(load_scenario("elevator-loss", [*moved, "duration_s=1"]), tmp_path / "run")
+    assert result.folder is not None
+    path = result.folder / "flight.rrd"
+    times, states = series(path, "/mode/elevator", "StateChange:state")
+    assert list(zip(times, states, strict=True)) == [(0.0, "healthy"), (0.8, "failed")]
+    times, states = series(path, "/mode/airframe", "StateChange:state")
+    assert list(zip(times, states, strict=True)) == [(0.0, "as built"), (0.5, "c.g. moved")]
+    times, _ = series(path, "/alpha/failure", "Scalars:scalars")
+    np.testing.assert_allclose(times, np.repeat([0.5, 0.8], 3))
+
+
+def test_the_stabilators_have_the_colour_of_k(recording: Path) -> None:
+    times, colors = series(recording, "/world/cg/attitude/hinge/stabilators", "Mesh3D:albedo_factor")
+    np.testing.assert_allclose(times, [0.0, 4.5])
+    healthy, weak = (((int(c) >> 24) & 255, (int(c) >> 8) & 255) for c in colors)  # red, blue
+    assert healthy[1] > healthy[0]
+    assert weak[0] > weak[1]
+
+
+def test_names_carry_units(recording: Path) -> None:
+    for plot in LINES:
+        for label in static_text(recording, plot, "SeriesLines:names"):
+            assert ", " in label or plot in ("/effectiveness", "/sigma", "/mach") or "nis" in plot, label
+
+
+def test_identical_flights_give_identical_recordings(recording: Path, tmp_path: Path) -> None:
+    """But for the times, seconds and speed of the computer's own clock, which no recording holds."""
+    again = run(load_scenario("elevator-loss"), tmp_path / "again")
+    assert again.folder is not None
+    done = rerun("rrd", "compare", "--unordered", str(recording), str(again.folder / "flight.rrd"))
+    assert done.returncode == 0, done.stdout + done.stderr
+    other = run(load_scenario("elevator-loss", ["seed=1"]), tmp_path / "other")
+    assert other.folder is not None
+    different = rerun("rrd", "compare", "--unordered", str(recording), str(other.folder / "flight.rrd"))
+    assert different.returncode != 0
+
+
+def test_pieces_say_the_same_as_the_whole(flown: Result, tmp_path: Path) -> None:
+    """What a live flight sends bit by bit: the same values, modes and trail as the file's."""
+    import rerun as rr
+
+    from flightbed.telemetry.recorder import Recorder
+
+    told = shown(flown)
+    stream = rr.RecordingStream("flightbed", recording_id="pieces")
+    stream.set_log_time_enabled(False)
+    stream.save(tmp_path / "pieces.rrd")
+    with stream:
+        recorder = Recorder(stream, told, told.plots(flown.trace))
+        recorder.begin()
+        sizes = [1, 2, 7, 40, 400, 405, 1200, 1650]
+        for begin, end in zip([0, *sizes], sizes, strict=False):
+            kept = max(0, begin - 31)
+            recorder.add(_part(flown, kept, end), begin - kept)
+        stream.flush()
+    stream.disconnect()
+    assert flown.folder is not None
+    whole = flown.folder / "flight.rrd"
+    for entity in LINES:
+        for ours, theirs in zip(
+            series(tmp_path / "pieces.rrd", entity, "Scalars:scalars"),
+            series(whole, entity, "Scalars:scalars"),
+            strict=True,
+        ):
+            np.testing.assert_array_equal(ours, theirs)
+    for lane in ("elevator", "saturation", "detection_scheduled"):
+        ours, theirs = (series(p, f"/mode/{lane}", "StateChange:state") for p in (tmp_path / "pieces.rrd", whole))
+        assert [list(o) for o in ours] == [list(t) for t in theirs]
+
+
+def _part(flown: Result, begin: int, end: int):
+    from flightbed.trace import Trace
+
+    return Trace({name: values[begin:end] for name, values in flown.trace.columns.items()}, flown.trace.estimators)
+
+
+def test_a_ten_minute_flight_is_written_in_seconds(tmp_path: Path) -> None:
+    """No time limit that could flake: a tenth of a flight must not take a tenth of ten times the size, and the file stays in proportion."""
+    overrides = ["duration_s=600", "command.count=1000", "failures.0.at_s=300", "failures.0.to=0.9"]
+    result = run(load_scenario("elevator-loss", overrides))
+    assert len(result.trace) == 60_000
+    began = time.perf_counter()
+    write_recording(tmp_path / "long.rrd", result.trace, shown(result))
+    print(f"written in {time.perf_counter() - began:.2f} s")
+    assert (tmp_path / "long.rrd").stat().st_size < 60_000 / 1_650 * 1.5e6
+
+
+def test_quaternions_turn_body_axes_into_north_east_down() -> None:
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.default_rng(1)
+    phi, theta, psi = rng.uniform(-1.4, 1.4, (3, 50))
+    theirs = Rotation.from_euler("ZYX", np.column_stack([psi, theta, phi])).as_quat()
+    ours = quaternions(phi, theta, psi)
+    np.testing.assert_allclose(ours * np.sign(ours[:, [3]]), theirs * np.sign(theirs[:, [3]]), atol=1e-12)
+    nose = Rotation.from_quat(quaternions(np.zeros(1), np.array([10 * DEG]), np.zeros(1))).apply([1.0, 0.0, 0.0])[0]
+    assert nose[2] < 0  # nose up points up: down is positive
+
+
+def test_the_stabilators_turn_with_the_elevator(flown: Result, recording: Path) -> None:
+    """Trailing edge down for a positive deflection: the rear edge, aft of the hinge, moves down (+z)."""
+    from scipy.spatial.transform import Rotation
+
+    _, turns = series(recording, "/world/cg/attitude/hinge/stabilators", "Transform3D:quaternion")
+    turns = turns.reshape(-1, 4)
+    rear = mesh.stabilators().vertices[mesh.stabilators().vertices[:, 0].argmin()]
+    down = Rotation.from_quat(turns).apply(rear)[:, 2]
+    np.testing.assert_allclose(down, -rear[0] * np.sin(flown.trace["elevator_deg"] * DEG), atol=1e-5)
+    assert down.max() > 0.1 > -0.1 > down.min()
+
+
+def test_the_mesh_is_symmetric_and_its_faces_are_in_range() -> None:
+    for shape in (mesh.airframe(), mesh.stabilators()):
+        assert shape.faces.max() < len(shape.vertices) == len(shape.colors)
+        y = np.sort(shape.vertices[:, 1])
+        np.testing.assert_allclose(y, -y[::-1], atol=1e-5)
+    assert 14.0 < np.ptp(mesh.airframe().vertices[:, 0]) < 17.0  # an F-16 is 15 m long
+    assert 9.0 < np.ptp(mesh.airframe().vertices[:, 1]) < 10.5  # and 9.5 m wide
