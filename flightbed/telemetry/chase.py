@@ -97,8 +97,13 @@ class Aircraft:
 
 
 def time_of(t_s: Vector) -> list[Any]:
-    """Return the index of columns: flight time, s."""
-    return [rr.TimeColumn(TIMELINE, duration=t_s)]
+    """Return the index of columns: flight time, s, as whole nanoseconds."""
+    return [rr.TimeColumn(TIMELINE, duration=np.rint(np.asarray(t_s) * 1e9).astype("timedelta64[ns]"))]
+
+
+def set_time(stream: rr.RecordingStream, t_s: float) -> None:
+    """Set the flight time, s, of what is logged next."""
+    stream.set_time(TIMELINE, duration=np.timedelta64(round(t_s * 1e9), "ns"))
 
 
 def _mesh(shape: mesh.Mesh, *, painted: bool = True) -> rr.Mesh3D:

@@ -16,8 +16,7 @@ from flightbed.document import Table
 from flightbed.errors import OutputError
 from flightbed.telemetry import layout
 from flightbed.telemetry.channels import AIRFRAME, OVERVIEW, Plot
-from flightbed.telemetry.chase import Aircraft, time_of
-from flightbed.telemetry.layout import TIMELINE
+from flightbed.telemetry.chase import Aircraft, set_time, time_of
 from flightbed.telemetry.recorder import upright
 from flightbed.telemetry.recording import APPLICATION
 from flightbed.trace import Vector
@@ -133,7 +132,7 @@ def _states(stream: rr.RecordingStream, run: Run, entity: str) -> None:
     changes += [(t_s, "failed") for t_s in run.failures_s[:1] if t_s <= run.trace["t_s"][-1]]
     changes.append((float(run.trace["t_s"][-1]), "departed" if run.summary["departed"] else "over"))
     for t_s, state in changes:
-        stream.set_time(TIMELINE, duration=t_s)
+        set_time(stream, t_s)
         stream.log(entity, rr.StateChange(state=state))
 
 

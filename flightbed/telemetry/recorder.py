@@ -11,8 +11,7 @@ import rerun as rr
 
 from flightbed import palette
 from flightbed.telemetry.channels import Plot
-from flightbed.telemetry.chase import Aircraft, time_of
-from flightbed.telemetry.layout import TIMELINE
+from flightbed.telemetry.chase import Aircraft, set_time, time_of
 from flightbed.telemetry.modes import lanes, states
 from flightbed.telemetry.shown import Event, Shown
 from flightbed.trace import Trace
@@ -76,7 +75,7 @@ class Recorder:
     def events(self, events: Iterable[Event]) -> None:
         """Tell what happened."""
         for event in events:
-            self._stream.set_time(TIMELINE, duration=event.t_s)
+            set_time(self._stream, event.t_s)
             level = rr.TextLogLevel.ERROR if event.severe else rr.TextLogLevel.INFO
             self._stream.log("events", rr.TextLog(event.text, level=level))
 
@@ -121,7 +120,7 @@ class Recorder:
             found = states(trace, lane, self._shown.actuator, control_hz=self._shown.control_hz)
             before = np.concatenate([[self._state[lane.key]], found[new:-1]])
             for i in np.flatnonzero(found[new:] != before):
-                self._stream.set_time(TIMELINE, duration=float(trace["t_s"][new + i]))
+                set_time(self._stream, trace["t_s"][new + i])
                 self._stream.log(f"mode/{lane.key}", rr.StateChange(state=lane.states[found[new + i]]))
             self._state[lane.key] = int(found[-1])
 

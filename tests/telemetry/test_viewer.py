@@ -1,0 +1,176 @@
+"""The real viewer, without a window: every view is there, has data and no complaint, and is drawn."""
+
+from __future__ import annotations
+
+import io
+import time
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from flightbed import palette
+from flightbed.errors import InputError
+from flightbed.folder import shown
+from flightbed.mission import Result, run
+from flightbed.scenario import load_scenario
+from flightbed.telemetry import viewer
+from flightbed.telemetry.layout import TABS
+from flightbed.telemetry.recording import write_recording
+from tests.telemetry.viewers import needs_viewer
+
+pytestmark = needs_viewer
+
+VIEWS = {
+    "Overview": {
+        "Chase view, m; stabilators: blue K = 1, red K = 0": "/world/cg",
+        "Modes": "/mode",
+        "Run card": "/run_card",
+        "Events": "/events",
+        "Pitch rate, deg/s": "/pitch_rate",
+        "Elevator effectiveness K, share; bands +-2 sigma": "/effectiveness",
+        "Elevator, deg": "/elevator",
+        "Angle of attack, deg": "/alpha",
+    },
+    "Estimators": {
+        "scheduled: innovations over their sigma, 1": "/innovation/scheduled",
+        "expanding: innovations over their sigma, 1": "/innovation/expanding",
+        "scheduled: NIS, 1": "/nis/scheduled",
+        "expanding: NIS, 1": "/nis/expanding",
+        "Sigma of K, share": "/sigma",
+        "Excitation, deg/s^2": "/excitation",
+    },
+    "Airframe": {
+        "Mach number, 1": "/mach",
+        "Altitude, ft": "/altitude",
+        "Load factor nz, g": "/load_factor",
+        "Attitude, deg": "/attitude",
+        "Forces, N": "/forces",
+    },
+}
+# Colours that a view must show: what it plots, and the failure.
+COLORS = {
+    "/pitch_rate": (palette.REFERENCE, palette.ACTUAL, palette.FAILURE),
+    "/effectiveness": (palette.TRUTH, palette.ACTUAL, palette.COMMAND, palette.FAILURE),
+    "/elevator": (palette.COMMAND, palette.ACTUAL, palette.OTHER, palette.FAILURE),
+    "/alpha": (palette.ACTUAL, palette.FAILURE),
+    "/sigma": (palette.ACTUAL, palette.COMMAND, palette.TRUTH, palette.FAILURE),
+    "/forces": (palette.ACTUAL, palette.COMMAND, palette.REFERENCE, palette.FAILURE),
+}
+
+
+def _pixels(png: bytes) -> np.ndarray:
+    return (matplotlib.image.imread(io.BytesIO(png))[..., :3] * 255).astype(int)
+
+
+def _near(pixels: np.ndarray, color: str, reach: int = 30) -> int:
+    return int(np.sum(np.abs(pixels - np.array(palette.rgb(color))).sum(axis=-1) < reach))
+
+
+def _paint(client: Any) -> None:
+    for _ in range(2):
+        time.sleep(0.5)
+        client.take_screenshot()
+
+
+@pytest.fixture(scope="module")
+def client(recording: Path):  # type: ignore[no-untyped-def]
+    with viewer.headless() as client:
+        client.open(str(recording))
+        client.set_time("time", duration=9.0, play_state="paused")
+        _paint(client)
+        yield client
+
+
+def test_every_view_is_there_and_none_complains(client: Any) -> None:
+    assert set(VIEWS) == set(TABS)
+    for tab in TABS:
+        viewer.show_tab(client, tab)
+        _paint(client)
+        views = {view.name: view for view in client.get_state().views}
+        for name, origin in VIEWS[tab].items():
+            assert views[name].origin == origin
+    views = client.get_state().views
+    assert {view.name for view in views} == {name for tab in VIEWS.values() for name in tab}
+    assert [view.reports for view in views] == [[]] * len(views)
+    assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == []
+
+
+def test_every_plot_is_drawn_with_its_colours_and_the_failure(client: Any) -> None:
+    for tab in TABS:
+        viewer.show_tab(client, tab)
+        _paint(client)
+        for view in client.get_state().views:
+            if view.name not in VIEWS[tab] or view.view_class != "TimeSeries":
+                continue
+            pixels = _pixels(client.take_screenshot(view.view_id))
+            for color in COLORS.get(view.origin, (palette.FAILURE,)):
+                assert _near(pixels, color) > 30, (view.name, color)
+
+
+def test_the_stabilators_are_red_after_the_failure_and_blue_before(client: Any) -> None:
+    viewer.show_tab(client, "Overview")
+    chase = next(view for view in client.get_state().views if view.view_class == "3D")
+    found = {}
+    for t_s in (3.0, 9.0):
+        client.set_time("time", duration=t_s, play_state="paused")
+        _paint(client)
+        pixels = _pixels(client.take_screenshot(chase.view_id))
+        red = np.sum((pixels[..., 0] > 120) & (pixels[..., 2] < 90))
+        blue = np.sum((pixels[..., 2] > 150) & (pixels[..., 0] < 80))
+        found[t_s] = red, blue
+    assert found[3.0][0] < 50 < found[3.0][1]
+    assert found[9.0][1] < 50 < found[9.0][0]
+
+
+def test_time_runs_from_zero_to_the_end_of_the_flight(client: Any) -> None:
+    (timeline,) = (t for t in client.get_state().recordings[0].timelines if t.name == "time")
+    assert (timeline.start, timeline.end) == (0, 16_490_000_000)
+
+
+def test_an_unknown_tab_is_refused(client: Any) -> None:
+    with pytest.raises(InputError, match="--tab Engine: there is no such page; there are: Airframe, Estimators, Overview"):
+        viewer.show_tab(client, "Engine")
+
+
+def test_a_picture_is_written_whole(recording: Path, tmp_path: Path) -> None:
+    viewer.picture(recording, tmp_path / "shot.png", at_s=9.0, tab="airframe")
+    pixels = _pixels((tmp_path / "shot.png").read_bytes())
+    assert pixels.shape == (1080, 1920, 3)
+    assert _near(pixels, palette.FAILURE) > 100
+
+
+def test_flights_without_estimators_forces_or_failures_are_shown_too(tmp_path: Path) -> None:
+    bare = {
+        "linear": load_scenario("thesis-loss", ["duration_s=6"]),
+        "bare": load_scenario("nominal", ["duration_s=2", "estimators=[]", "adaptation.enabled=false"]),
+        "gust": load_scenario("elevator-and-cg"),
+    }
+    for name, scenario in bare.items():
+        result: Result = run(scenario)
+        write_recording(tmp_path / f"{name}.rrd", result.trace, shown(result))
+        with viewer.headless() as client:
+            client.open(str(tmp_path / f"{name}.rrd"))
+            _paint(client)
+            views = client.get_state().views
+            assert [view.reports for view in views] == [[]] * len(views), name
+            assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == [], name
+            assert len(views) > 8, name
+
+
+def test_a_ten_minute_flight_opens_at_once(tmp_path: Path) -> None:
+    """Within a second; ten here, so that a busy machine does not fail it. benchmarks/live.py measures it."""
+    overrides = ["duration_s=600", "command.count=1000", "failures.0.at_s=300", "failures.0.to=0.9"]
+    result = run(load_scenario("elevator-loss", overrides))
+    write_recording(tmp_path / "long.rrd", result.trace, shown(result))
+    with viewer.headless() as client:
+        began = time.perf_counter()
+        client.open(str(tmp_path / "long.rrd"))
+        client.take_screenshot()
+        opened = time.perf_counter() - began
+        print(f"opened and drawn in {opened:.2f} s")
+        assert opened < 10.0
+        views = client.get_state().views
+        assert [view.reports for view in views] == [[]] * len(views)
