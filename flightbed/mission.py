@@ -16,7 +16,9 @@ import numpy as np
 
 from flightbed import factories
 from flightbed.assembly import assemble, sensor_noise
+from flightbed.blame import guarded, watched
 from flightbed.bound import bound, design_models, schedule_models
+from flightbed.extension import named_by
 from flightbed.folder import check_target, write_run
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.loop import Flight
@@ -51,7 +53,9 @@ class Result:
 
 def fly(scenario: Scenario) -> Iterator[Sample]:
     """Trim, design and fly a scenario, yielding one Sample per control tick."""
-    return _fly(assemble(plan(scenario)))
+    samples = _fly(assemble(plan(scenario)))
+    used = named_by(scenario)
+    return guarded(samples, scenario.rates.control_hz, used) if used else samples
 
 
 def run(
@@ -103,7 +107,8 @@ def _collected(flight: Flight, scenario: Scenario, pace: Clock | None) -> Trace:
     samples = _fly(flight)
     if pace is not None:
         samples = paced(samples, control_hz=control_hz, clock=pace, record=timings.extend)
-    trace = collect(samples, estimators=[e.name for e in scenario.estimators], control_hz=control_hz)
+    with watched(control_hz):
+        trace = collect(samples, estimators=[e.name for e in scenario.estimators], control_hz=control_hz)
     return trace if pace is None else with_timings(trace, timings)
 
 
@@ -174,6 +179,7 @@ def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[
             "poles_rad_s": [[p.real, p.imag] for p in design.poles.tolist()],
         },
         "gains": {} if plan.gains is None else vars(plan.gains),
+        "extensions": [{"name": own.name, "sha256": own.sha256} for own in named_by(scenario)],
         "aircraft_sha256": plan.aircraft.sha256,
         "wall_time_s": wall_s,
         "real_time_factor": flown_s / wall_s,

@@ -43,6 +43,7 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
         f"{abs(result.trace['alpha_deg']).max():.1f} deg; at a stop {summary['elevator_at_stop_share']:.0%} of the time",
         "tracking": f"RMS of q - q_ref {_number(before)} deg/s"
         + ("" if summary["failed_at_s"] is None else f", {_number(after)} deg/s from 0.3 s after the failure"),
+        **({"own code": _own_code(summary)} if summary["extensions"] else {}),
         **({"real time": kept_pace(summary)} if summary["realtime"] else {}),
     }.items():
         grid.add_row(f"  {name}", text)
@@ -50,6 +51,15 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
     if summary["estimators"]:
         yield _estimates(summary)
     yield f"  {summary['flown_s']:g} s flown in {summary['wall_time_s']:.2f} s; written to {escape(str(result.folder))}"
+
+
+def _own_code(summary: dict[str, Any]) -> str:
+    return escape(
+        "; ".join(
+            f"{own['name']} (sha256 {own['sha256'][:12] if own['sha256'] else 'unknown'})"
+            for own in summary["extensions"]
+        )
+    )
 
 
 def _estimates(summary: dict[str, Any]) -> Table:
