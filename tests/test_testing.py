@@ -54,7 +54,7 @@ class BuildsNothing(Sound):
 
 class Raises(Sound):
     def say(self, estimate: Estimate) -> Any:
-        return 1.0 / (self.ticks - 300)
+        return estimate if self.ticks < 300 else 1.0 / 0.0
 
 
 class DividesByNothing(Sound):
