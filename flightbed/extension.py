@@ -116,6 +116,10 @@ def using(*own: str | Mapping[str, Callable[..., Any]]) -> Iterator[None]:
     """
     found = dict(registry.in_use())
     for item in own:
+        if not isinstance(item, str | Mapping):
+            raise ExtensionError(
+                f'flightbed.using: takes names, "my_filter:MyFilter", or mappings, {{"mine": MyFilter}} (got {item!r})'
+            )
         for extension in [load(item)] if isinstance(item, str) else [_at_hand(n, f) for n, f in item.items()]:
             found[extension.name] = extension
     with registry.permitted(found):
@@ -164,7 +168,7 @@ def load(name: str) -> Extension:
     found: Any = module
     for part in attribute.split("."):
         if not hasattr(found, part):
-            raise ExtensionError(_no_attribute(name, module, part, [n for n in vars(found) if not n.startswith("_")]))
+            raise ExtensionError(_no_attribute(name, module, part, [n for n in dir(found) if not n.startswith("_")]))
         found = getattr(found, part)
     if not callable(found):
         raise ExtensionError(

@@ -89,7 +89,8 @@ class Estimate(NamedTuple):
         effectiveness_smoothed: first-order smoothing of ``effectiveness``.
         effectiveness_raw: K-hat before the bounds.
         alpha_rad, q_rad_s: the state.
-        nis: normalized innovation squared; chi-square with as many degrees of freedom as measurements (2) if the model holds.
+        nis: normalized innovation squared; chi-square with as many degrees of freedom as measurements (2) if the model holds; nan where
+            there is no innovation.
         alarms: how many changes of K have been declared so far.
 
     """

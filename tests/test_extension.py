@@ -8,6 +8,7 @@ import sys
 import textwrap
 import tomllib
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from threading import Thread
@@ -19,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flightbed
-from flightbed import registry
+from flightbed import cli, registry
 from flightbed.ensemble import Job, fly_jobs, processes
 from flightbed.errors import ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.extension import check_named, load, named_by, using
@@ -98,7 +99,8 @@ def test_every_place_that_names_code_asks_for_permission(key: str, family: str) 
         registry.factory(family, "a:b")
 
 
-def test_permitted_it_flies_and_the_run_tells_what_flew(here: Path) -> None:
+def test_permitted_it_flies_and_the_run_tells_what_flew(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # as the installed command: the working directory is not on sys.path
     permit = ["--use", "own_filter:Fixed"]
     done = command_line("run", "nominal", *_sets(*QUICK, *OWN), *permit, "--rerun", "off", "--out", "x", cwd=here)
     assert done.returncode == 0, done.stderr
@@ -111,8 +113,8 @@ def test_permitted_it_flies_and_the_run_tells_what_flew(here: Path) -> None:
     assert resolved["estimators"][0]["kind"] == "own_filter:Fixed"
     assert resolved["estimators"][0]["options"] == {"k": 0.7}
     assert "options" not in resolved["control"]
-    again = command_line("run", "x/scenario.toml", *permit, "--rerun", "off", "--json", cwd=here)
-    assert json.loads(again.stdout)["extensions"] == summary["extensions"]
+    with using("own_filter:Fixed"):
+        assert flightbed.run(load_scenario("x/scenario.toml")).summary["extensions"] == summary["extensions"]
 
 
 def test_a_run_without_own_code_says_so() -> None:
@@ -120,12 +122,12 @@ def test_a_run_without_own_code_says_so() -> None:
 
 
 def test_a_use_that_is_not_named_is_refused(here: Path) -> None:
-    done = command_line("run", "nominal", *_sets(*QUICK), "--use", "own_filter:Fixed", cwd=here)
-    assert (done.returncode, done.stderr) == (
-        2,
-        "flightbed: --use own_filter:Fixed: the scenario does not name it; name it, as in "
-        "--set estimators.0.kind=own_filter:Fixed, or leave it out\n",
+    with pytest.raises(InputError) as caught:
+        cli.app(["run", "nominal", *_sets(*QUICK), "--use", "own_filter:Fixed"])
+    assert str(caught.value) == (
+        "--use own_filter:Fixed: the scenario does not name it; name it, as in --set estimators.0.kind=own_filter:Fixed, or leave it out"
     )
+    assert caught.value.exit_code == 2
     assert not (here / "runs").exists()
     with using("own_filter:Fixed", "own_filter.py:Fixed"):
         scenario = load_scenario("nominal", [*QUICK, *OWN])
@@ -291,13 +293,27 @@ def test_what_has_no_file_has_no_hash() -> None:
         ({"loop-gain": Still}, "own code loop-gain: is the name of one of flightbed's estimators; choose another"),
         ({"doublet": Still}, "own code doublet: is the name of one of flightbed's commands; choose another"),
         ({"a:b": Still}, "own code 'a:b': a name must be letters, digits, - and _, and start with a letter or digit"),
+        (
+            [Still],
+            f'flightbed.using: takes names, "my_filter:MyFilter", or mappings, {{"mine": MyFilter}} (got {[Still]!r})',
+        ),
         ({"mine": 3}, "own code mine: is a int, which cannot be called; give a class or a function"),
     ],
 )
-def test_names_at_hand_that_cannot_be_used(own: dict[str, Any], message: str) -> None:
+def test_names_at_hand_that_cannot_be_used(own: Any, message: str) -> None:
     with pytest.raises(ExtensionError) as caught, using(own):
         pass
     assert str(caught.value) == message
+
+
+def test_an_estimator_that_calls_itself_exact_has_no_nees(here: Path) -> None:
+    sets = ["duration_s=1", "failures.0.at_s=0.2", "failures.0.to=0.5", "estimators.1={name='still', kind='still'}"]
+    with using("own_filter:Fixed", {"still": Still}):
+        metrics = flightbed.run(load_scenario("nominal", [*sets, *OWN])).metrics
+    exact, told = metrics.estimators["scheduled"], metrics.estimators["still"]
+    assert exact.nees_mean_post is None
+    assert told.nees_mean_post == pytest.approx(25.0)  # it says 1 +- 0.1 of 0.5
+    assert exact.median_abs_error_post == pytest.approx(0.2)
 
 
 # What fails
@@ -379,10 +395,10 @@ def test_a_command_that_gives_nonsense_is_told() -> None:
 def test_the_line_is_that_of_the_users_file_even_if_numpy_raises(here: Path) -> None:
     _write("helper_of_mine.py", "import numpy as np\n\ndef solve():\n    np.linalg.inv(np.zeros((2, 2)))\n")
     _write("law.py", "import helper_of_mine\n\n\ndef law(settings, design, control_hz):\n    helper_of_mine.solve()\n")
-    done = command_line("run", "nominal", *_sets(*QUICK, "control.law=law.py:law"), "--use", "law.py:law", cwd=here)
-    assert (done.returncode, done.stderr) == (
-        2,
-        "flightbed: own code law.py:law: cannot be built: helper_of_mine.py:4: LinAlgError: Singular matrix\n",
+    with using("law.py:law"), pytest.raises(ExtensionError) as caught:
+        flightbed.run(load_scenario("nominal", [*QUICK, "control.law=law.py:law"]))
+    assert (
+        str(caught.value) == "own code law.py:law: cannot be built: helper_of_mine.py:4: LinAlgError: Singular matrix"
     )
 
 
@@ -397,6 +413,8 @@ def test_it_flies_in_worker_processes_too(here: Path) -> None:
         columns = ("own.effectiveness", "q_deg_s")
         jobs = [Job(scenario, 2, columns), Job(_kind(scenario, "still"), 1, columns)]
         here_and_now = fly_jobs(jobs)
+        with ThreadPoolExecutor(1) as threads:
+            (threaded,) = fly_jobs(jobs[:1], executor=threads)
         with processes(2) as executor:
             assert executor is not None
             there = fly_jobs(jobs, executor=executor)
@@ -407,7 +425,7 @@ def test_it_flies_in_worker_processes_too(here: Path) -> None:
             Path("own_filter.py").unlink()
             with pytest.raises(ExtensionError, match=r"own_filter.py:Fixed: own_filter.py cannot be read"):
                 fly_jobs(jobs, executor=executor)
-    for ours, theirs in zip(here_and_now, there, strict=True):
+    for ours, theirs in zip([*here_and_now, threaded], [*there, here_and_now[0]], strict=True):
         for one, other in zip(ours, theirs, strict=True):
             assert [one.columns[c].tobytes() for c in columns] == [other.columns[c].tobytes() for c in columns]
     assert set(there[0][0].columns["own.effectiveness"]) == {0.5}
