@@ -9,44 +9,53 @@ import re
 import subprocess
 import sys
 import tomllib
-from contextlib import redirect_stdout
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from flightbed import cli
+from flightbed import cli, registry
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.DOTALL)
 
 
-def _process(arguments: list[str], folder: Path) -> str:
-    paths = os.pathsep.join(map(str, (folder / "installed", ROOT)))
-    environment = {**os.environ, "PYTHONPATH": paths}
-    command = [sys.executable, *arguments]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
-    assert done.returncode == 0, (arguments, done.stdout, done.stderr)
-    assert done.stderr == "", arguments
-    return done.stdout
-
-
-def _run(line: str, folder: Path) -> str:
-    """Run a command of the page, in this process where that makes no difference."""
-    program, *arguments = line.split()
-    if program == "pytest":
-        return _process(["-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments], folder)
-    assert program == "flightbed", line
-    if (folder / "installed").is_dir():
-        return _process(["-m", "flightbed", *arguments], folder)
+@contextmanager
+def _there(folder: Path) -> Iterator[io.StringIO]:
+    """Be in the folder, with what is installed there; what was imported from it is forgotten afterwards."""
     modules, printed = set(sys.modules), io.StringIO()
+    registry._installed.cache_clear()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
         patch.chdir(folder)
-        cli.app(arguments)
+        patch.syspath_prepend(folder / "installed")
+        yield printed
+    registry._installed.cache_clear()
     for name in set(sys.modules) - modules:
         if str(folder) in str(getattr(sys.modules[name], "__file__", "")):
             del sys.modules[name]
+
+
+def _run(line: str, folder: Path) -> str:
+    program, *arguments = line.split()
+    if program == "pytest":
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
+        assert (done.returncode, done.stderr) == (0, ""), done.stdout
+        return done.stdout
+    assert program == "flightbed", line
+    with _there(folder) as printed:
+        cli.app(arguments)
+    return printed.getvalue()
+
+
+def _python(text: str, folder: Path) -> str:
+    with _there(folder) as printed, pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)  # as for a script that lies there
+        exec(compile(text, "extending.md", "exec"), {})
     return printed.getvalue()
 
 
@@ -80,7 +89,7 @@ def outputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
             file.parent.mkdir(exist_ok=True)
             file.write_text(text)
         elif language == "python":
-            printed["python"] = _process(["-c", text], folder)
+            printed["python"] = _python(text, folder)
         else:
             assert language == "sh"
             for line in text.splitlines():
