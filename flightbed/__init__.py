@@ -16,6 +16,7 @@ from flightbed.trim import TrimPoint, trim
 if TYPE_CHECKING:
     from flightbed.aircraft import Aircraft, load_aircraft
     from flightbed.errors import FlightbedError
+    from flightbed.extension import using
     from flightbed.live import Live
     from flightbed.metrics import Metrics
     from flightbed.mission import Result, fly, run
@@ -28,14 +29,14 @@ if TYPE_CHECKING:
 __all__ = [
     "Aircraft", "Estimate", "FlightbedError", "JsbsimAirframe", "LinearModel", "Live", "Measurement", "Metrics", "Result", "Sample",
     "Scenario", "ShortPeriod", "Trace", "TrimPoint", "Truth", "WallClock", "fly", "linearize", "load_aircraft", "load_scenario",
-    "read_trace", "run", "short_period", "trim",
+    "read_trace", "run", "short_period", "trim", "using",
 ]  # fmt: skip
 
 _LATER = {
     "Aircraft": "aircraft", "load_aircraft": "aircraft", "FlightbedError": "errors", "Metrics": "metrics",
     "Live": "live", "Result": "mission", "fly": "mission", "run": "mission", "JsbsimAirframe": "plant.airframe", "Scenario": "scenario",
     "load_scenario": "scenario", "Estimate": "signals", "Measurement": "signals", "Sample": "signals", "Truth": "signals",
-    "Trace": "trace", "WallClock": "pacing", "read_trace": "trace",
+    "Trace": "trace", "WallClock": "pacing", "read_trace": "trace", "using": "extension",
 }  # fmt: skip
 
 

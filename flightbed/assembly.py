@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from flightbed import factories, registry
+from flightbed.blame import watched
 from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.design import peak_deflection
@@ -27,6 +28,11 @@ _ROOM_M = 300.0  # flights that begin at sea level may go this far below it: the
 
 def assemble(plan: Plan) -> Flight:
     """Build all parts of one flight, on a fresh FDM; every random stream is spawned from the scenario's seed."""
+    with watched(plan.scenario.rates.control_hz):
+        return _assembled(plan)
+
+
+def _assembled(plan: Plan) -> Flight:
     scenario, aircraft, point, design = plan.scenario, plan.aircraft, plan.trim, plan.design
     control_hz, ticks = scenario.rates.control_hz, scenario.ticks
     seeds = np.random.SeedSequence(scenario.seed).spawn(3)  # append further consumers, never insert

@@ -75,6 +75,7 @@ def run(
     *,
     out: Path | None = None,
     set_: Annotated[list[str] | None, Parameter(name="--set", negative="", show_default=False)] = None,
+    use: Annotated[list[str] | None, Parameter(negative="", show_default=False)] = None,
     rerun: Literal["save", "live", "off"] = "save",
     viewer: Annotated[str | None, Parameter(show_default=False)] = None,
     realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False,
@@ -86,24 +87,29 @@ def run(
         scenario: A shipped name (see `flightbed list scenarios`) or the path of a TOML file.
         out: Folder to write; an earlier run in it is replaced. Without it: runs/NAME, or runs/NAME-2, ... if that exists.
         set_: KEY=VALUE, replaces one key of the scenario, as in --set failures.0.to=0.35; repeat --set for each key.
+        use: MODULE:ATTRIBUTE or FILE.py:ATTRIBUTE, code outside flightbed that the scenario names and that may be imported and run;
+            repeat --use for each.
         rerun: save writes the Rerun recording; live shows the flight in the viewer too, while it flies.
         viewer: HOST:PORT of the viewer that live shows it in; without it one on this computer, opened if there is none.
         realtime: Fly at the pace of the clock, and tell how well it was kept.
         json: Print what metrics.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
+    from flightbed.extension import check_named, using
     from flightbed.live import Live, address
     from flightbed.mission import run as fly
     from flightbed.pacing import WallClock
     from flightbed.scenario import load_scenario
 
-    settings = load_scenario(scenario, set_ or ())
-    place = out if out is not None else Path("runs") / settings.name
     if viewer is not None and rerun != "live":
         raise InputError(f"--viewer {viewer}: has no effect without --rerun live")
     live = Live(*address(viewer), lambda text: _fail(text, 0)) if rerun == "live" else None
-    pace = WallClock() if realtime else None
-    result = fly(settings, place, rerun=rerun != "off", replace=out is not None, pace=pace, live=live)
+    with using(*(use or ())):
+        settings = load_scenario(scenario, set_ or ())
+        check_named(settings, use or ())
+        place = out if out is not None else Path("runs") / settings.name
+        pace = WallClock() if realtime else None
+        result = fly(settings, place, rerun=rerun != "off", replace=out is not None, pace=pace, live=live)
     if json:
         print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))
     else:

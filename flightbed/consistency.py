@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from flightbed import registry
 from flightbed.command.harmonics import MOST_HARMONICS, harmonics
 from flightbed.errors import did_you_mean
 
@@ -76,11 +77,26 @@ def contradictions(scenario: Scenario) -> list[str]:
     control, adaptation = scenario.control, scenario.adaptation
     if control.state_from and control.state_from not in names:
         problems.append(_no_estimator("control.state_from", control.state_from, names))
+    problems += _options_of_built_ins(scenario)
     if control.gains is not None and control.poles is not None:
         problems.append("control.poles: cannot go with control.gains, which are not designed; give one of them")
     if adaptation.enabled and not adaptation.oracle and adaptation.estimator not in names:
         problems.append(_no_estimator("adaptation.estimator", adaptation.estimator, names))
     return problems
+
+
+def _options_of_built_ins(scenario: Scenario) -> list[str]:
+    tables = [
+        ("command", "commands", "kind", scenario.command.kind, scenario.command.options),
+        ("control", "laws", "law", scenario.control.law, scenario.control.options),
+        *((f"failures.{i}", "failures", "kind", f.kind, f.options) for i, f in enumerate(scenario.failures)),
+        *((f"estimators.{i}", "estimators", "kind", e.kind, e.options) for i, e in enumerate(scenario.estimators)),
+    ]
+    return [
+        f"{place}.options: {what} '{name}' takes none (got {', '.join(options)}); only code outside flightbed has options"
+        for place, family, what, name, options in tables
+        if options and registry.is_built_in(family, name)
+    ]
 
 
 def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
@@ -139,6 +155,7 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
         if estimator.kind == "differentiated-rls":
             prior = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
             keys |= {f"{place}.{key}": f"{place}.kind = 'differentiated-rls'" for key in (*_KALMAN_ONLY, *prior)}
+        if estimator.kind != "loop-gain":  # other packages' may use any key
             continue
         for key, memory in (("window", "window"), ("alarm_threshold", "window"), ("forgetting", "fading")):
             if estimator.memory != memory:

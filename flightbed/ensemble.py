@@ -13,6 +13,7 @@ from multiprocessing import get_context
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.metrics import Metrics
 from flightbed.mission import Plan, fly_plan, plan
 from flightbed.scenario import Scenario
@@ -43,6 +44,7 @@ class Job:
         runs: how often.
         columns: columns of the trace to keep.
         first_seed: seed of the first flight.
+        extensions: code of the user's own that the scenario names; ``fly_jobs`` puts in what is permitted where it is called.
 
     """
 
@@ -50,6 +52,7 @@ class Job:
     runs: int
     columns: tuple[str, ...] = ()
     first_seed: int = 0
+    extensions: tuple[Extension | Packed, ...] = ()
 
 
 def _ignore(_flights: int) -> None:
@@ -61,12 +64,16 @@ def fly_jobs(
 ) -> list[list[Flown]]:
     """Fly all jobs; returns the flights of each, in order of their seeds.
 
+    Code of the user's own that is permitted here (``flightbed.using``) is permitted where the jobs are flown: another process imports
+    it again, a class at hand must be importable there.
+
     Args:
         jobs: what to fly.
         executor: where; None flies here and now.
         progress: called with the number of flights that were done since it was called last.
 
     """
+    jobs = [replace(job, extensions=job.extensions or named_by(job.scenario)) for job in jobs]
     chunks = [
         (index, replace(job, runs=min(CHUNK, job.runs - start), first_seed=job.first_seed + start))
         for index, job in enumerate(jobs)
@@ -93,8 +100,9 @@ def fly_jobs(
 
 def fly_chunk(job: Job) -> list[Flown]:
     """Plan once, fly every seed; what a worker does."""
-    planned = plan(job.scenario)
-    return [_fly_one(planned, seed, job.columns) for seed in range(job.first_seed, job.first_seed + job.runs)]
+    with carried(job.extensions):
+        planned = plan(job.scenario)
+        return [_fly_one(planned, seed, job.columns) for seed in range(job.first_seed, job.first_seed + job.runs)]
 
 
 def _fly_one(planned: Plan, seed: int, columns: tuple[str, ...]) -> Flown:

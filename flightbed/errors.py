@@ -8,6 +8,7 @@
     |   +-- UnknownNameError           a name that nothing is registered under; suggests the nearest
     |   +-- AircraftError              an aircraft folder, or a stock model, that does not fit
     |   +-- OutputError                a folder or file that cannot be read or written
+    |   +-- ExtensionError             code of the user's own that cannot be imported, or fails; its exception is the cause
     +-- NotComputableError             exit code 3: the input is sound, the answer does not exist
         +-- NoTrimError                no equilibrium within the limits; carries the nearest point found
         +-- DesignError                a control law that the design model does not admit
@@ -70,6 +71,10 @@ class AircraftError(InputError):
 
 class OutputError(InputError):
     """A file or folder cannot be read or written."""
+
+
+class ExtensionError(InputError):
+    """Code outside flightbed cannot be imported, or fails in flight; ``__cause__`` is the exception itself."""
 
 
 class NotComputableError(FlightbedError):

@@ -126,9 +126,7 @@ def _estimator(trace: Trace, name: str, pre: Mask, failed: Mask, post: Mask) -> 
         final=_finite(estimate[-1]),
         detected_at_s=_detected(trace, name, failed),
         false_alarms=int(np.max(trace[f"{name}.alarms"][pre], initial=0.0)),
-        nees_mean_post=_mean(
-            (((trace[f"{name}.effectiveness_raw"] - truth) / trace[f"{name}.effectiveness_std"])[post]) ** 2
-        ),
+        nees_mean_post=_nees(trace[f"{name}.effectiveness_raw"] - truth, trace[f"{name}.effectiveness_std"], post),
         efficiency=_efficiency(trace, estimate - truth, post),
         median_abs_error_post=_finite(np.median(np.abs(estimate - truth)[post])) if post.any() else None,
         rms_error_smoothed_post=_rms((smoothed - truth)[post]),
@@ -153,6 +151,12 @@ def _efficiency(trace: Trace, error: Vector, post: npt.NDArray[np.bool_]) -> flo
     best = trace["effectiveness_bound"]
     told = post & (best < 0.5)  # elsewhere the readings say less than that K lies between 0 and 1
     return _finite(np.mean(best[told] ** 2) / np.mean(error[told] ** 2)) if told.any() and np.any(error[told]) else None
+
+
+def _nees(error: Vector, std: Vector, post: Mask) -> float | None:
+    """Return the mean of (error/std)^2; None for an estimator that does not tell its std, or calls itself exact."""
+    told = post & (std > 0.0)
+    return _mean((error[told] / std[told]) ** 2) if told.any() and told.sum() == post.sum() else None
 
 
 def _mean(values: Vector) -> float | None:

@@ -16,8 +16,10 @@ import numpy as np
 
 from flightbed import factories
 from flightbed.assembly import assemble, sensor_noise
+from flightbed.blame import guarded, watched
 from flightbed.bound import bound, design_models, schedule_models
 from flightbed.excitation import with_excitation
+from flightbed.extension import named_by
 from flightbed.folder import check_target, shown, write_run
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.live import Live
@@ -54,7 +56,9 @@ class Result:
 
 def fly(scenario: Scenario) -> Iterator[Sample]:
     """Trim, design and fly a scenario, yielding one Sample per control tick."""
-    return _fly(assemble(plan(scenario)))
+    samples = _fly(assemble(plan(scenario)))
+    used = named_by(scenario)
+    return guarded(samples, scenario.rates.control_hz, used) if used else samples
 
 
 def run(
@@ -118,7 +122,8 @@ def _collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, li
         samples = paced(samples, control_hz=control_hz, clock=pace, record=timings.extend)
     if live is not None:
         samples = live.watched(samples)
-    trace = collect(samples, estimators=[e.name for e in scenario.estimators], control_hz=control_hz)
+    with watched(control_hz):
+        trace = collect(samples, estimators=[e.name for e in scenario.estimators], control_hz=control_hz)
     return trace if pace is None else with_timings(trace, timings)
 
 
@@ -190,6 +195,7 @@ def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[
             "poles_rad_s": [[p.real, p.imag] for p in design.poles.tolist()],
         },
         "gains": {} if plan.gains is None else vars(plan.gains),
+        "extensions": [{"name": own.name, "sha256": own.sha256} for own in named_by(scenario)],
         "aircraft_sha256": plan.aircraft.sha256,
         "wall_time_s": wall_s,
         "real_time_factor": flown_s / wall_s,

@@ -59,7 +59,9 @@ def plan(scenario: Scenario) -> Plan:
             shift = repr(scenario.aircraft.cg_shift_cbar)
             fingerprint = (aircraft.sha256, shift, version("jsbsim"), version("flightbed"))
             schedule = load_schedule(airframe, throttle=point.throttle_norm, fingerprint=fingerprint)
-    gains: Gains | None = getattr(law_of(scenario, design), "gains", None)
+    gains = getattr(law_of(scenario, design), "gains", None)
+    if not isinstance(gains, Gains):
+        gains = None
     if scenario.adaptation.limit_command and gains is None:
         raise DesignError(
             f"adaptation.limit_command: the law '{scenario.control.law}' does not tell its gains, set it to false"

@@ -1,20 +1,25 @@
-"""Names in a scenario or on the command line -> the code behind them: a built-in table, and entry points of installed packages.
+"""Names in a scenario or on the command line -> the code behind them: a built-in table, entry points, and code that the user permits.
 
 A package adds its own by an entry point in the group ``flightbed.estimators`` (or ``laws``, ``commands``, ``failures``)
 that names a factory with the signature of the built-in ones in ``factories.py``; in ``flightbed.studies``, one without arguments that
-returns a ``studies.base.Study``.
+returns a ``studies.base.Study``. Code that is not installed, ``module:Attribute``, is known while it is permitted (``extension.py``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from flightbed.errors import UnknownNameError
+from flightbed.errors import ExtensionError, UnknownNameError
+
+if TYPE_CHECKING:
+    from flightbed.extension import Extension
 
 _BUILT_IN = MappingProxyType(
     {
@@ -42,10 +47,48 @@ _BUILT_IN = MappingProxyType(
 
 FAMILIES = tuple(_BUILT_IN)
 
+_NOTHING: Mapping[str, Extension] = MappingProxyType({})
+_PERMITTED: ContextVar[Mapping[str, Extension]] = ContextVar("flightbed code of the user's own", default=_NOTHING)
+
 
 def names(family: str) -> tuple[str, ...]:
-    """Return the sorted names of a family."""
-    return tuple(sorted({*_BUILT_IN[family], *_installed(family)}))
+    """Return the sorted names of a family, and those of the code that is permitted."""
+    return tuple(sorted({*_BUILT_IN[family], *_installed(family), *in_use()}))
+
+
+def is_built_in(family: str, name: str) -> bool:
+    """Tell whether a name is one of flightbed's own."""
+    return name in _BUILT_IN[family]
+
+
+def is_taken(family: str, name: str) -> bool:
+    """Tell whether a name is built in or that of an installed package."""
+    return name in _BUILT_IN[family] or name in _installed(family)
+
+
+def in_use() -> Mapping[str, Extension]:
+    """Return the code of the user's own that is permitted here and now, by name."""
+    return _PERMITTED.get()
+
+
+@contextmanager
+def permitted(extensions: Mapping[str, Extension]) -> Iterator[None]:
+    """Permit these and no others for as long as it lasts, in this thread."""
+    token = _PERMITTED.set(MappingProxyType(dict(extensions)))
+    try:
+        yield
+    finally:
+        _PERMITTED.reset(token)
+
+
+def outside(name: str) -> str | None:
+    """Return what to say of a name that is code outside flightbed and not permitted; None for other names."""
+    if ":" not in name or name in in_use():
+        return None
+    return (
+        f"'{name}' is code outside flightbed; add --use {name} to allow it, or in Python fly it "
+        f'within flightbed.using("{name}")'
+    )
 
 
 def factory(family: str, name: str) -> Callable[..., Any]:
@@ -57,6 +100,10 @@ def factory(family: str, name: str) -> Callable[..., Any]:
     if name in _installed(family):
         loaded: Callable[..., Any] = _installed(family)[name].load()
         return loaded
+    if name in in_use():
+        return in_use()[name].maker(family)
+    if problem := outside(name):
+        raise ExtensionError(problem)
     raise UnknownNameError("study" if family == "studies" else family.removesuffix("s"), name, names(family))
 
 

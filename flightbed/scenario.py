@@ -74,6 +74,10 @@ def _problems(error: ValidationError, place: str, overridden: Collection[str]) -
             problems.append(f"{'--set' if by_override else place}: unknown key {key}{hint}")
         else:
             text = message(item)
-            got = "" if item["type"] in ("missing", "rates", "bounds", "poles") else f" (got {brief(item['input'])})"
+            got = (
+                ""
+                if item["type"] in ("missing", "rates", "bounds", "poles", "outside")
+                else f" (got {brief(item['input'])})"
+            )
             problems.append(f"{where}: {text}{got}")
     return problems

@@ -44,6 +44,7 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
         f"{abs(result.trace['alpha_deg']).max():.1f} deg; at a stop {summary['elevator_at_stop_share']:.0%} of the time",
         "tracking": f"RMS of q - q_ref {_number(before)} deg/s"
         + ("" if summary["failed_at_s"] is None else f", {_number(after)} deg/s from 0.3 s after the failure"),
+        **({"own code": _own_code(summary)} if summary["extensions"] else {}),
         **({"real time": kept_pace(summary)} if summary["realtime"] else {}),
     }.items():
         grid.add_row(f"  {name}", text)
@@ -69,6 +70,15 @@ def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableT
             grid.add_row(*(escape(cell) for cell in table.shown(row)))
         yield grid
     yield f"  written to {escape(str(written))}; look: flightbed view {escape(str(written))}"
+
+
+def _own_code(summary: dict[str, Any]) -> str:
+    return escape(
+        "; ".join(
+            f"{own['name']} (sha256 {own['sha256'][:12] if own['sha256'] else 'unknown'})"
+            for own in summary["extensions"]
+        )
+    )
 
 
 def _estimates(summary: dict[str, Any]) -> Table:

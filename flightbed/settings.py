@@ -7,13 +7,24 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal, get_args
 
 import tomli_w
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetPydanticSchema,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)  # fmt: skip
 from pydantic import ValidationError as ValidationError
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from flightbed import registry
 from flightbed.consistency import contradictions
 from flightbed.errors import did_you_mean
+from flightbed.options import Options, is_option
 
 
 def _between(low: float, high: float, *, open_low: bool = False) -> AfterValidator:
@@ -31,6 +42,8 @@ def _registered(family: str) -> AfterValidator:
     def check(value: str) -> str:
         known = registry.names(family)
         if value not in known:
+            if problem := registry.outside(value):
+                raise PydanticCustomError("outside", "{problem}", {"problem": problem})
             what, near = family.removesuffix("s"), did_you_mean(value, known)
             raise PydanticCustomError(
                 "registered",
@@ -42,14 +55,40 @@ def _registered(family: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+def _option(value: Any) -> Any:
+    if not is_option(value):
+        text = "must be text, a finite number, true or false, or a list of these"
+        raise PydanticCustomError("option", "{text}", {"text": text})
+    return value
+
+
+def _options(_kind: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    table = handler.generate_schema(dict[str, Annotated[Any, AfterValidator(_option)]])
+    plain = core_schema.no_info_before_validator_function(lambda v: dict(v) if isinstance(v, Options) else v, table)
+    written = core_schema.plain_serializer_function_ser_schema(dict)
+    return core_schema.no_info_after_validator_function(Options, plain, serialization=written)
+
+
 Positive = Annotated[float, _between(0, 1000000, open_low=True)]
 NonNegative = Annotated[float, _between(0, 1000000)]
 Share = Annotated[float, _between(0, 1)]
+OwnOptions = Annotated[Options, GetPydanticSchema(_options)]
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 
 
 class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
+
+
+class _OwnTable(_Table):
+    """A table that names code, which may be the user's own and then has options of its own."""
+
+    options: OwnOptions = Options()
+
+    @model_serializer(mode="wrap")
+    def _without_empty_options(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        written: dict[str, Any] = write(self)
+        return {key: value for key, value in written.items() if key != "options" or value}
 
 
 class AircraftSettings(_Table):
@@ -86,7 +125,7 @@ class Rates(_Table):
         return self
 
 
-class Command(_Table):
+class Command(_OwnTable):
     """Pitch-rate command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
 
     kind: Annotated[str, _registered("commands")] = "doublet"
@@ -158,7 +197,7 @@ class GustSettings(_Table):
     hold_s: NonNegative = 0.0
 
 
-class Failure(_Table):
+class Failure(_OwnTable):
     """What fails from at_s on; which other keys a kind needs, and has no use for, says consistency.py."""
 
     kind: Annotated[str, _registered("failures")] = "effectiveness"
@@ -180,7 +219,7 @@ class GainSettings(_Table):
     integral: float = 0.0
 
 
-class Control(_Table):
+class Control(_OwnTable):
     """The law; without poles and gains, near the poles of Sillence's Table 3 (see docs/control.md).
 
     The law is fed the readings, or alpha and q of the estimator that ``state_from`` names.
@@ -245,7 +284,7 @@ _BY_MODEL = MappingProxyType(
 )
 
 
-class EstimatorSettings(_Table):
+class EstimatorSettings(_OwnTable):
     """One estimator; several may run side by side, at most one adapts. The defaults of some keys depend on the model."""
 
     name: Identifier

@@ -94,7 +94,8 @@ class Estimate(NamedTuple):
         effectiveness_smoothed: first-order smoothing of ``effectiveness``.
         effectiveness_raw: K-hat before the bounds.
         alpha_rad, q_rad_s: the state.
-        nis: normalized innovation squared; chi-square with as many degrees of freedom as measurements (2) if the model holds.
+        nis: normalized innovation squared; chi-square with as many degrees of freedom as measurements (2) if the model holds; nan where
+            there is no innovation.
         alarms: how many changes of K have been declared so far.
         innovation_alpha_rad, innovation_q_rad_s: readings less what the estimator had predicted of them, and their standard deviations
             as it believes them; nan for an estimator that does not predict them, 0 at tick 0.

@@ -31,6 +31,7 @@ _MESSAGES: dict[str, Callable[[Any], str]] = {
     "missing": lambda _: "is missing",
     "string_pattern_mismatch": lambda _: "must be letters, digits, - and _, and start with a letter or digit",
     "model_type": lambda _: "must be a table",
+    "dict_type": lambda _: "must be a table",
     "float_type": lambda _: "must be a number",
     "int_type": lambda _: "must be a whole number",
     "bool_type": lambda _: "must be true or false",

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from flightbed.extension import using
 from flightbed.mission import run
 from flightbed.pacing import WallClock
 from flightbed.scenario import load_scenario
@@ -29,10 +30,16 @@ def test_every_scenario_key_is_in_the_table_and_no_other() -> None:
     gust = ["gusts.0.at_s=1", "gusts.0.up_fps=10", "gusts.0.rise_s=1"]
     scenario = load_scenario("elevator-loss", ["control.poles=[[-1,0],[-2,0],[-3,0]]", *gust])
     given = load_scenario("thesis-loss", gust)  # poles and gains exclude each other
+    places = ("estimators.0", "failures.0", "control", "command")
+    own = [f"{place}.{'law' if place == 'control' else 'kind'}=mine" for place in places]
+    with using({"mine": dict}):
+        optional = load_scenario("elevator-loss", [*own, *(f"{place}.options.gain=1" for place in places)])
+    options = {key.removesuffix(".gain") for key in _keys(tomllib.loads(optional.to_toml())) if ".options." in key}
+    assert len(options) == 4
     table = (ROOT / "docs" / "scenario.md").read_text().partition("## metrics.json")[0]
     rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     explained = {key for row in rows for key in re.findall(r"`([^`]+)`", row)}
-    assert explained == _keys(tomllib.loads(scenario.to_toml())) | _keys(tomllib.loads(given.to_toml()))
+    assert explained == _keys(tomllib.loads(scenario.to_toml())) | _keys(tomllib.loads(given.to_toml())) | options
 
 
 def test_every_metric_is_explained() -> None:

@@ -12,6 +12,7 @@ from flightbed import errors
 from flightbed.errors import (
     AircraftError,
     DesignError,
+    ExtensionError,
     FlightbedError,
     InputError,
     NotComputableError,
@@ -31,7 +32,15 @@ ALL = [
     NO_TRIM,
     *(
         kind("a line")
-        for kind in (FlightbedError, InputError, AircraftError, OutputError, NotComputableError, DesignError)
+        for kind in (
+            FlightbedError,
+            InputError,
+            AircraftError,
+            OutputError,
+            ExtensionError,
+            NotComputableError,
+            DesignError,
+        )
     ),
 ]
 

@@ -12,7 +12,10 @@ from flightbed.signals import Estimate, Measurement
 
 
 class Estimator(Protocol):
-    """An estimator of effectiveness: fed one measurement per tick, in order, from tick 0."""
+    """An estimator of effectiveness: fed one measurement per tick, in order, from tick 0.
+
+    What else the loop relies on, ``flightbed.testing.check_estimator`` lists and checks.
+    """
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate at that tick."""

@@ -131,7 +131,9 @@ def test_time_runs_from_zero_to_the_end_of_the_flight(client: Any) -> None:
 
 
 def test_an_unknown_tab_is_refused(client: Any) -> None:
-    with pytest.raises(InputError, match="--tab Engine: there is no such page; there are: Airframe, Estimators, Overview"):
+    with pytest.raises(
+        InputError, match="--tab Engine: there is no such page; there are: Airframe, Estimators, Overview"
+    ):
         viewer.show_tab(client, "Engine")
 
 

@@ -11,5 +11,6 @@ _FOLDERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 _DRIVERS = [file for folder in _FOLDERS if folder.is_dir() for file in folder.glob("*.json")]
 
 needs_viewer = pytest.mark.skipif(
-    not _DRIVERS and os.environ.get("CI") != "true", reason="no Vulkan driver for the viewer (mesa-vulkan-drivers has one)"
+    not _DRIVERS and os.environ.get("CI") != "true",
+    reason="no Vulkan driver for the viewer (mesa-vulkan-drivers has one)",
 )

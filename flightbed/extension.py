@@ -1,0 +1,284 @@
+"""Code of the user's own: what is permitted by name is loaded, and may be flown for as long as it is permitted.
+
+A scenario alone imports nothing. It may name ``module:Attribute`` or ``path/to/file.py:Attribute``, and flies only where that very
+name was permitted: ``flightbed run --use NAME``, or ``with flightbed.using(NAME):``. See docs/extending.md.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+import pickle
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from flightbed import registry
+from flightbed.blame import in_constructor, line_of, place_of
+from flightbed.errors import ExtensionError, FlightbedError, InputError, did_you_mean
+
+if TYPE_CHECKING:
+    from flightbed.settings import Scenario
+
+_MAKES = {"estimators": "update", "laws": "demand"}  # the method of what a factory makes; of the others, a call
+
+
+@dataclass(frozen=True)
+class Extension:
+    """Permitted code.
+
+    Attributes:
+        name: how scenarios name it.
+        factory: makes what flies, with the arguments of the built-in factories of its family.
+        sha256: of its source file as it was loaded; None where there is no file, as in a notebook.
+        files: source files in which its frames are found.
+
+    """
+
+    name: str
+    factory: Callable[..., Any]
+    sha256: str | None
+    files: frozenset[str]
+
+    def maker(self, family: str) -> Callable[..., Any]:
+        """Return the factory, with errors that tell the user's own file and line. What it makes is looked at, too."""
+
+        def make(*arguments: Any) -> Any:
+            try:
+                made = self.factory(*arguments)
+            except FlightbedError:
+                raise
+            except Exception as error:
+                raise ExtensionError(in_constructor(error, self)) from error
+            method = _MAKES.get(family, "__call__")
+            if not callable(getattr(made, method, None)):
+                needs = "cannot be called" if method == "__call__" else f"has no method {method}()"
+                raise ExtensionError(
+                    f"own code {self.name}: makes a {type(made).__name__}, which {needs}; docs/extending.md shows what flies"
+                )
+            return made
+
+        return make
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel without the code: by name, or, without one, by reference to where it can be imported from."""
+        if ":" in self.name:
+            return Packed, (self.name, None)
+        try:
+            return Packed, (self.name, pickle.dumps(self.factory))
+        except Exception as error:
+            raise ExtensionError(
+                f"own code {self.name}: cannot be sent to other processes ({line_of(error)}); put it in a file and name it "
+                "path/to/file.py:Attribute, or fly in this process"
+            ) from error
+
+
+@dataclass(frozen=True)
+class Packed:
+    """An Extension on its way to another process; loaded there, when it is asked for."""
+
+    name: str
+    pickled: bytes | None
+
+    def unpack(self) -> Extension:
+        """Load the code. Raises ExtensionError."""
+        if self.pickled is None:
+            return load(self.name)
+        try:
+            return _at_hand(self.name, pickle.loads(self.pickled))
+        except Exception as error:
+            raise ExtensionError(
+                f"own code {self.name}: cannot be found in the other process ({line_of(error)}); put it in a file and name it "
+                "path/to/file.py:Attribute, or fly in this process"
+            ) from error
+
+
+@contextmanager
+def using(*own: str | Mapping[str, Callable[..., Any]]) -> Iterator[None]:
+    """Permit code outside flightbed for as long as it lasts, in this thread: scenarios may name it, and fly it.
+
+    Args:
+        own: names, ``"module:Attribute"`` or ``"path/to/file.py:Attribute"``, looked for in the working directory as well; or
+            mappings ``{"mine": MyFilter}`` of names to classes or functions at hand. Each is a factory with the arguments of the
+            built-in ones: an estimator gets ``(settings, onboard)``, a law ``(settings, design, control_hz)``, a failure
+            ``(settings, before, control_hz)``, a command ``(settings)``.
+
+    Raises:
+        ExtensionError: a name cannot be imported, or is nothing that can be called, or shadows a built-in name.
+
+    """
+    found = dict(registry.in_use())
+    for item in own:
+        if not isinstance(item, str | Mapping):
+            raise ExtensionError(
+                f'flightbed.using: takes names, "my_filter:MyFilter", or mappings, {{"mine": MyFilter}} (got {item!r})'
+            )
+        for extension in [load(item)] if isinstance(item, str) else [_at_hand(n, f) for n, f in item.items()]:
+            found[extension.name] = extension
+    with registry.permitted(found):
+        yield
+
+
+@contextmanager
+def carried(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
+    """Permit what has come along with a job, perhaps from another process."""
+    loaded = [e.unpack() if isinstance(e, Packed) else e for e in extensions]
+    with registry.permitted({**registry.in_use(), **{e.name: e for e in loaded}}):
+        yield
+
+
+def named_by(scenario: Scenario) -> tuple[Extension, ...]:
+    """Return the permitted code that a scenario names, each once."""
+    kinds = (scenario.command.kind, *(f.kind for f in scenario.failures), scenario.control.law)
+    own = registry.in_use()
+    return tuple(own[k] for k in dict.fromkeys((*kinds, *(e.kind for e in scenario.estimators))) if k in own)
+
+
+def check_named(scenario: Scenario, names: Sequence[str]) -> None:
+    """Refuse a ``--use`` that the scenario has no use for. Raises InputError."""
+    named = [extension.name for extension in named_by(scenario)]
+    for name in names:
+        if name not in named:
+            near = did_you_mean(name, named)
+            raise InputError(
+                f"--use {name}: the scenario does not name it{near}; name it, as in --set estimators.0.kind={name}, or leave it out"
+            )
+
+
+def load(name: str) -> Extension:
+    """Import what ``module:Attribute`` or ``path/to/file.py:Attribute`` names. Raises ExtensionError."""
+    place, colon, attribute = name.rpartition(":")
+    if not colon or not place or not attribute:
+        raise ExtensionError(
+            f"own code {name}: must be module:Attribute or path/to/file.py:Attribute, for example my_filter:MyFilter"
+        )
+    source: bytes | None
+    if place.endswith(".py"):
+        module, source = _from_file(name, Path(place).expanduser())
+    else:
+        module = _from_module(name, place)
+        source = _read(getattr(module, "__file__", None))
+    found: Any = module
+    for part in attribute.split("."):
+        if not hasattr(found, part):
+            raise ExtensionError(_no_attribute(name, module, part, [n for n in dir(found) if not n.startswith("_")]))
+        found = getattr(found, part)
+    if not callable(found):
+        raise ExtensionError(
+            f"own code {name}: is a {type(found).__name__}, which cannot be called; name a class or a function"
+        )
+    sha256 = None if source is None else hashlib.sha256(source).hexdigest()
+    return Extension(name, found, sha256, _files(found) | {str(getattr(module, "__file__", ""))})
+
+
+def _at_hand(name: str, factory: Callable[..., Any]) -> Extension:
+    """Take a class or function as it is."""
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
+        raise ExtensionError(
+            f"own code {name!r}: a name must be letters, digits, - and _, and start with a letter or digit"
+        )
+    for family in registry.FAMILIES:
+        if registry.is_taken(family, name):
+            raise ExtensionError(f"own code {name}: is the name of one of flightbed's {family}; choose another")
+    if not callable(factory):
+        raise ExtensionError(
+            f"own code {name}: is a {type(factory).__name__}, which cannot be called; give a class or a function"
+        )
+    try:
+        source = _read(inspect.getsourcefile(_subject(factory)))
+    except (TypeError, OSError):
+        source = None
+    sha256 = None if source is None else hashlib.sha256(source).hexdigest()
+    return Extension(name, factory, sha256, _files(factory))
+
+
+def _from_file(name: str, path: Path) -> tuple[ModuleType, bytes]:
+    """Run a file as a module of its own, unless this very text was run before."""
+    try:
+        source = path.read_bytes()
+    except OSError as error:
+        raise ExtensionError(f"own code {name}: {path} cannot be read: {error.strerror}") from None
+    path = path.resolve()
+    module_name = f"flightbed_own_{hashlib.sha256(str(path).encode() + source).hexdigest()[:16]}"
+    if module_name in sys.modules:
+        return sys.modules[module_name], source
+    module = ModuleType(module_name)
+    module.__file__ = str(path)
+    with _importing(name, str(path.parent), str(Path.cwd())):
+        code = compile(source, str(path), "exec")
+        sys.modules[module_name] = module  # dataclasses and pickle look there
+        try:
+            exec(code, vars(module))
+        except BaseException:
+            del sys.modules[module_name]
+            raise
+    return module, source
+
+
+def _from_module(name: str, place: str) -> ModuleType:
+    importlib.invalidate_caches()  # the file may be younger than the last look into its folder
+    try:
+        with _importing(name, str(Path.cwd())):
+            return importlib.import_module(place)
+    except ExtensionError as error:
+        cause = error.__cause__
+        if isinstance(cause, ModuleNotFoundError) and cause.name and f"{place}.".startswith(f"{cause.name}."):
+            raise ExtensionError(
+                f"own code {name}: there is no module '{cause.name}', neither installed nor in the working directory; check the "
+                "name, or give the file, as in path/to/my_filter.py:MyFilter"
+            ) from cause
+        raise
+
+
+@contextmanager
+def _importing(name: str, *folders: str) -> Iterator[None]:
+    """Look in these folders too, after all others; leave sys.path as it was; tell what fails."""
+    before = list(sys.path)
+    sys.path.extend(folders)
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        raise ExtensionError(f"own code {name}: cannot be imported: {place_of(error)}{line_of(error)}") from error
+    finally:
+        sys.path[:] = before
+
+
+def _no_attribute(name: str, module: ModuleType, part: str, known: Sequence[str]) -> str:
+    file = getattr(module, "__file__", None) or "built in"
+    place, _, attribute = name.rpartition(":")
+    beside = Path(place.replace(".", "/") + ".py")
+    if beside.is_file() and beside.resolve() != Path(file).resolve():
+        return (
+            f"own code {name}: the module '{place}' that is found first ({file}) has no '{part}'; if you mean the file here, name it "
+            f"{beside}:{attribute}"
+        )
+    return f"own code {name}: {file} has no '{part}'{did_you_mean(part, known) or '; check the name'}"
+
+
+def _subject(factory: Any) -> Any:
+    """Return the class or function behind a factory."""
+    while isinstance(factory, partial):
+        factory = factory.func
+    factory = inspect.unwrap(factory)
+    return factory if inspect.isroutine(factory) or isinstance(factory, type) else type(factory)
+
+
+def _files(factory: Any) -> frozenset[str]:
+    subject = _subject(factory)
+    members = [subject, *(vars(subject).values() if isinstance(subject, type) else ())]
+    codes = [getattr(inspect.unwrap(m) if callable(m) else m, "__code__", None) for m in members]
+    return frozenset(code.co_filename for code in codes if code is not None)
+
+
+def _read(file: str | None) -> bytes | None:
+    try:
+        return None if file is None else Path(file).read_bytes()
+    except OSError:
+        return None

@@ -1,0 +1,525 @@
+"""Code of the user's own: flown where it was permitted by name and nowhere else, and blamed by file and line."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import textwrap
+import tomllib
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import flightbed
+from flightbed import cli, registry
+from flightbed.ensemble import Job, fly_jobs, processes
+from flightbed.errors import ExtensionError, InputError, ScenarioError, UnknownNameError
+from flightbed.extension import check_named, load, named_by, using
+from flightbed.options import Options
+from flightbed.scenario import load_scenario
+from flightbed.signals import Estimate, Measurement
+from tests.command_line import flightbed as command_line
+
+FILTER = '''\
+from pathlib import Path
+
+from flightbed import Estimate
+
+Path("imported").touch()
+
+
+class Fixed:
+    """Says the same of K all the time."""
+
+    def __init__(self, settings, onboard):
+        self.k, self.ticks = settings.options["k"], 0
+
+    def update(self, measurement):
+        self.ticks += 1
+        return Estimate(self.k, 0.0, self.k, self.k, measurement.alpha_rad, measurement.q_rad_s, 0.0)
+'''
+QUICK = ["duration_s=0.2"]
+OWN = ["estimators.0.kind=own_filter:Fixed", "estimators.0.options.k=0.7"]
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A working directory with own_filter.py in it; what is imported there is forgotten afterwards."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own_filter.py").write_text(FILTER)
+    before = set(sys.modules)
+    yield tmp_path
+    for name in set(sys.modules) - before:
+        if str(tmp_path) in str(getattr(sys.modules[name], "__file__", "")):
+            del sys.modules[name]
+
+
+def _sets(*overrides: str) -> list[str]:
+    return [word for override in overrides for word in ("--set", override)]
+
+
+def _write(name: str, text: str) -> None:
+    Path(name).write_text(textwrap.dedent(text))
+
+
+# Permission
+
+
+def test_a_scenario_alone_imports_nothing(here: Path) -> None:
+    done = command_line("run", "nominal", *_sets(*QUICK, *OWN), cwd=here)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "flightbed: --set estimators.0.kind: 'own_filter:Fixed' is code outside flightbed; add --use own_filter:Fixed to allow it, "
+        'or in Python fly it within flightbed.using("own_filter:Fixed")\n'
+    )
+    assert not Path("imported").exists()
+    for kind in ("own_filter:Fixed", "own_filter.py:Fixed", "own_filter:", ":Fixed"):
+        with pytest.raises(ScenarioError, match="is code outside flightbed"):
+            load_scenario({"schema": 1, "name": "x", "duration_s": 1.0, "estimators": [{"name": "a", "kind": kind}]})
+    assert not Path("imported").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "family"),
+    [("estimators.0.kind", "estimators"), ("control.law", "laws"), ("failures.0.kind", "failures"), ("command.kind", "commands")],
+)  # fmt: skip
+def test_every_place_that_names_code_asks_for_permission(key: str, family: str) -> None:
+    with pytest.raises(ScenarioError, match=f"--set {key}: 'a:b' is code outside flightbed; add --use a:b to allow it"):
+        load_scenario("elevator-loss", [f"{key}=a:b"])
+    with pytest.raises(ExtensionError, match="'a:b' is code outside flightbed"):
+        registry.factory(family, "a:b")
+
+
+def test_permitted_it_flies_and_the_run_tells_what_flew(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # as the installed command: the working directory is not on sys.path
+    permit = ["--use", "own_filter:Fixed"]
+    done = command_line("run", "nominal", *_sets(*QUICK, *OWN), *permit, "--rerun", "off", "--out", "x", cwd=here)
+    assert done.returncode == 0, done.stderr
+    sha256 = hashlib.sha256(FILTER.encode()).hexdigest()
+    assert f"own code  own_filter:Fixed (sha256 {sha256[:12]})" in done.stdout
+    summary = json.loads((here / "x" / "metrics.json").read_text())
+    assert summary["extensions"] == [{"name": "own_filter:Fixed", "sha256": sha256}]
+    assert summary["estimators"]["scheduled"]["final"] == 0.7
+    resolved = tomllib.loads((here / "x" / "scenario.toml").read_text())
+    assert resolved["estimators"][0]["kind"] == "own_filter:Fixed"
+    assert resolved["estimators"][0]["options"] == {"k": 0.7}
+    assert "options" not in resolved["control"]
+    with using("own_filter:Fixed"):
+        assert flightbed.run(load_scenario("x/scenario.toml")).summary["extensions"] == summary["extensions"]
+
+
+def test_a_run_without_own_code_says_so() -> None:
+    assert flightbed.run(load_scenario("nominal", QUICK)).summary["extensions"] == []
+
+
+def test_a_use_that_is_not_named_is_refused(here: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        cli.app(["run", "nominal", *_sets(*QUICK), "--use", "own_filter:Fixed"])
+    assert str(caught.value) == (
+        "--use own_filter:Fixed: the scenario does not name it; name it, as in --set estimators.0.kind=own_filter:Fixed, or leave it out"
+    )
+    assert caught.value.exit_code == 2
+    assert not (here / "runs").exists()
+    with using("own_filter:Fixed", "own_filter.py:Fixed"):
+        scenario = load_scenario("nominal", [*QUICK, *OWN])
+        check_named(scenario, ["own_filter:Fixed", "own_filter:Fixed"])
+        with pytest.raises(InputError, match="--use own_filter.py:Fixed: .* did you mean own_filter:Fixed"):
+            check_named(scenario, ["own_filter.py:Fixed"])
+
+
+def test_permission_ends_where_it_was_given(here: Path) -> None:
+    with using("own_filter:Fixed"):
+        scenario = load_scenario("nominal", [*QUICK, *OWN])
+        found: list[int] = []
+        thread = Thread(target=lambda: found.append(len(registry.in_use())))
+        thread.start()
+        thread.join()
+        assert found == [0]
+        with using({"inner": Still}):
+            assert set(registry.in_use()) == {"own_filter:Fixed", "inner"}
+        assert set(registry.in_use()) == {"own_filter:Fixed"}
+    assert registry.in_use() == {}
+    with pytest.raises(ExtensionError, match=r"'own_filter:Fixed' is code outside flightbed; add --use"):
+        flightbed.run(scenario)
+
+
+# Finding it
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("own_filter", "own code own_filter: must be module:Attribute or path/to/file.py:Attribute, for example my_filter:MyFilter"),
+        ("own_filter:", "own code own_filter:: must be module:Attribute or path"),
+        (":Fixed", "own code :Fixed: must be module:Attribute or path"),
+        ("own_filtr:Fixed", "own code own_filtr:Fixed: there is no module 'own_filtr', neither installed nor in the working directory; check the name, or give the file, as in path/to/my_filter.py:MyFilter"),
+        ("own.filter:Fixed", "own code own.filter:Fixed: there is no module 'own', neither"),
+        ("own_filtr.py:Fixed", "own code own_filtr.py:Fixed: own_filtr.py cannot be read: No such file or directory"),
+        ("own_filter:Fixd", "own code own_filter:Fixd: {here}/own_filter.py has no 'Fixd'; did you mean Fixed?"),
+        ("own_filter.py:Fixed.make", "own code own_filter.py:Fixed.make: {here}/own_filter.py has no 'make'; check the name"),
+        ("constant:K", "own code constant:K: is a float, which cannot be called; name a class or a function"),
+        ("needs:X", "own code needs:X: cannot be imported: needs.py:3: ModuleNotFoundError: No module named 'no_such_package'"),
+        ("wrong.py:X", "own code wrong.py:X: cannot be imported: wrong.py:2: SyntaxError: invalid syntax"),
+        ("wrong:X", "own code wrong:X: cannot be imported: wrong.py:2: SyntaxError: invalid syntax"),
+        ("fails:X", "own code fails:X: cannot be imported: fails.py:1: ZeroDivisionError: division by zero"),
+        ("quits.py:X", "own code quits.py:X: cannot be imported: quits.py:2: SystemExit: 3"),
+        ("control:Mine", "own code control:Mine: the module 'control' that is found first ("),
+        ("control:Mine", "has no 'Mine'; if you mean the file here, name it control.py:Mine"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_used_is_told_in_a_line(here: Path, name: str, message: str) -> None:
+    _write("constant.py", "K = 1.0\n")
+    _write("needs.py", "import math\n\nimport no_such_package\n")
+    _write("wrong.py", "x = 1\nclass X(\n")
+    _write("fails.py", "1 / 0\n")
+    _write("quits.py", "import sys\nsys.exit(3)\n")
+    _write("control.py", "class Mine: ...\n")
+    path, modules = list(sys.path), set(sys.modules)
+    with pytest.raises(ExtensionError) as caught:
+        load(name)
+    message = message.replace("{here}", str(here))
+    if message == "own code wrong.py:X: cannot be imported: wrong.py:2: SyntaxError: invalid syntax":
+        message = message.partition("invalid")[0]  # the words are Python's
+    assert message.partition(" invalid syntax")[0] in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+    assert caught.value.exit_code == 2
+    assert sys.path == path
+    assert not {m for m in set(sys.modules) - modules if m.startswith("flightbed_own") and "own_filter" not in name}
+
+
+def test_own_modules_are_found_in_the_working_directory_and_beside_the_file(here: Path) -> None:
+    (here / "below" / "package").mkdir(parents=True)
+    _write("below/package/__init__.py", "")
+    _write("below/package/filters.py", "class Kind:\n    class Inner: ...\n")
+    _write("below/helper.py", "VALUE = 3\n")
+    _write("below/mine.py", "from helper import VALUE\n\ndef make(): return VALUE\n")
+    path = list(sys.path)
+    assert load("below.package.filters:Kind.Inner").factory.__qualname__ == "Kind.Inner"
+    assert load("below/mine.py:make").factory() == 3
+    assert sys.path == path
+    sys.modules.pop("helper")
+    with pytest.raises(
+        ExtensionError, match=r"cannot be imported: below/mine.py:1: ModuleNotFoundError: No module named 'helper'"
+    ):
+        load("below.mine:make")
+
+
+def test_a_file_is_run_once_for_each_text_that_it_has_had(here: Path) -> None:
+    _write(
+        "counted.py", "from dataclasses import dataclass\n\n@dataclass\nclass A:\n    x: 'int' = 0\n\nclass B(A): ...\n"
+    )
+    first = load("counted.py:A")
+    assert load("counted.py:A").factory is first.factory
+    assert issubclass(load("counted.py:B").factory, first.factory)
+    _write("counted.py", "class A: ...\n")
+    second = load("counted.py:A")
+    assert second.factory is not first.factory
+    assert second.sha256 == hashlib.sha256(b"class A: ...\n").hexdigest() != first.sha256
+    assert not (here / "__pycache__").exists()
+
+
+# Classes at hand
+
+
+class Still:
+    """Says that K is what its option says, or 1."""
+
+    def __init__(self, settings: Any, onboard: Any) -> None:
+        self.k = settings.options.get("k", 1.0)
+
+    def update(self, m: Measurement) -> Estimate:
+        return Estimate(self.k, 0.1, self.k, self.k, m.alpha_rad, m.q_rad_s, 0.0)
+
+
+class Late(Still):
+    """Works for a while."""
+
+    ticks = 0
+
+    def update(self, m: Measurement) -> Any:
+        self.ticks += 1
+        if self.ticks == 11:
+            raise RuntimeError("I am\n late")
+        return super().update(m) if self.ticks != 6 or self.k != 0.5 else None
+
+
+def _late_line() -> int:
+    import inspect
+
+    source, first = inspect.getsourcelines(Late)
+    return first + next(i for i, line in enumerate(source) if "raise" in line)
+
+
+def test_classes_at_hand_fly_under_a_name() -> None:
+    with using({"still": Still, "also": lambda settings, onboard: Still(settings, onboard)}):
+        scenario = load_scenario("nominal", [*QUICK, "estimators.0.kind=still", "estimators.0.options.k=0.25", "estimators.1={name='b', kind='also'}"])  # fmt: skip
+        assert [own.name for own in named_by(scenario)] == ["still", "also"]
+        result = flightbed.run(scenario)
+        assert result.trace["b.effectiveness"].tolist() == [1.0] * 20
+    assert [own["name"] for own in result.summary["extensions"]] == ["still", "also"]
+    assert result.summary["extensions"][0]["sha256"] == hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+    assert result.trace[f"{scenario.estimators[0].name}.effectiveness"].tolist() == [0.25] * 20
+    assert result.summary["estimators"]["b"]["nees_mean_post"] is None
+    with pytest.raises(
+        ScenarioError, match=r"estimators\.0\.kind: unknown estimator; known: differentiated-rls, loop-gain"
+    ):
+        load_scenario("nominal", ["estimators.0.kind=still"])
+    with pytest.raises(UnknownNameError, match="unknown estimator 'still'"):
+        flightbed.fly(scenario)
+
+
+def test_what_has_no_file_has_no_hash() -> None:
+    names: dict[str, Any] = {"Still": Still}
+    exec("class Typed(Still): ...", names)
+    with using({"typed": names["Typed"], "part": partial(Still)}):
+        summary = flightbed.run(load_scenario("nominal", [*QUICK, "estimators.0.kind=part", "estimators.1={name='t', kind='typed'}"])).summary  # fmt: skip
+    part, typed = summary["extensions"]
+    assert typed == {"name": "typed", "sha256": None}
+    assert part["sha256"] is not None
+
+
+@pytest.mark.parametrize(
+    ("own", "message"),
+    [
+        ({"loop-gain": Still}, "own code loop-gain: is the name of one of flightbed's estimators; choose another"),
+        ({"doublet": Still}, "own code doublet: is the name of one of flightbed's commands; choose another"),
+        ({"a:b": Still}, "own code 'a:b': a name must be letters, digits, - and _, and start with a letter or digit"),
+        (
+            [Still],
+            f'flightbed.using: takes names, "my_filter:MyFilter", or mappings, {{"mine": MyFilter}} (got {[Still]!r})',
+        ),
+        ({"mine": 3}, "own code mine: is a int, which cannot be called; give a class or a function"),
+    ],
+)
+def test_names_at_hand_that_cannot_be_used(own: Any, message: str) -> None:
+    with pytest.raises(ExtensionError) as caught, using(own):
+        pass
+    assert str(caught.value) == message
+
+
+def test_an_estimator_that_calls_itself_exact_has_no_nees(here: Path) -> None:
+    sets = ["duration_s=1", "failures.0.at_s=0.2", "failures.0.to=0.5", "estimators.1={name='still', kind='still'}"]
+    with using("own_filter:Fixed", {"still": Still}):
+        metrics = flightbed.run(load_scenario("nominal", [*sets, *OWN])).metrics
+    exact, told = metrics.estimators["scheduled"], metrics.estimators["still"]
+    assert exact.nees_mean_post is None
+    assert told.nees_mean_post == pytest.approx(25.0)  # it says 1 +- 0.1 of 0.5
+    assert exact.median_abs_error_post == pytest.approx(0.2)
+
+
+# What fails
+
+
+def _no_arguments() -> None:
+    pass
+
+
+@pytest.mark.parametrize(
+    ("factory", "message"),
+    [
+        (_no_arguments, "own code mine: cannot be built: TypeError: _no_arguments() takes 0 positional arguments but 2 were given; docs/extending.md shows with which arguments it is called"),
+        (lambda settings, onboard: settings.options["gain"], "KeyError: 'there is no option gain; there is: none'"),
+        (lambda settings, onboard: 3, "own code mine: makes a int, which has no method update(); docs/extending.md shows what flies"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_built_is_told_in_a_line(factory: Callable[..., Any], message: str) -> None:
+    with using({"mine": factory}), pytest.raises(ExtensionError) as caught:
+        flightbed.run(load_scenario("nominal", [*QUICK, "estimators.0.kind=mine"]))
+    assert message in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("key", "arguments", "needs"),
+    [("control.law", 3, "has no method demand()"), ("failures.0.kind", 3, "cannot be called"), ("command.kind", 1, "cannot be called")],
+)  # fmt: skip
+def test_what_other_families_must_make(key: str, arguments: int, needs: str) -> None:
+    made: list[int] = []
+
+    def make(*given: Any) -> object:
+        made.append(len(given))
+        return object()
+
+    with using({"mine": make}), pytest.raises(ExtensionError, match=rf"own code mine: makes a object, which {needs}"):
+        flightbed.run(
+            load_scenario("nominal", [*QUICK, f"{key}=mine", *(["failures.0.at_s=0.1"] if "fail" in key else [])])
+        )
+    assert made == [arguments]
+
+
+def test_what_fails_in_flight_is_told_with_file_line_and_time() -> None:
+    line = f"own code late: fails at t = 0.1 s, tick 10: {Path(__file__)}:{_late_line()}: RuntimeError: I am late"
+    with using({"late": Late}):
+        scenario = load_scenario("nominal", [*QUICK, "estimators.0.kind=late"])
+        samples = flightbed.fly(scenario)
+        with pytest.raises(ExtensionError) as caught:
+            flightbed.run(scenario)
+    assert (
+        str(caught.value).replace("tests/test_extension.py", str(Path(__file__))) == line or str(caught.value) == line
+    )
+    assert isinstance(caught.value.__cause__, RuntimeError)
+    ticks = []
+    with pytest.raises(ExtensionError, match="fails at t = 0.1 s, tick 10"):  # also once the permission is over
+        ticks.extend(sample.tick for sample in samples)
+    samples = flightbed.fly(load_scenario("nominal", QUICK))
+    with pytest.raises(KeyError):  # no own code, nothing to blame
+        raise KeyError(next(samples).tick)
+
+
+def test_what_cannot_be_flown_is_told_with_whose_it_is_and_when() -> None:
+    sets = [*QUICK, "estimators.0.kind=late", "estimators.0.options.k=0.5"]
+    adapting = ["adaptation.enabled=true", "adaptation.estimator=scheduled"]
+    with using({"late": Late}), pytest.raises(ExtensionError) as caught:
+        flightbed.run(load_scenario("nominal", [*sets, *adapting]))
+    assert str(caught.value).startswith(
+        "own code late: gave what cannot be flown at t = 0.05 s, tick 5: AttributeError: 'NoneType'"
+    )
+    assert "flightbed.testing.check_estimator" in str(caught.value)
+
+
+def test_a_command_that_gives_nonsense_is_told() -> None:
+    with using({"mine": lambda settings: lambda t_s: None}), pytest.raises(ExtensionError) as caught:
+        flightbed.run(load_scenario("nominal", [*QUICK, "command.kind=mine"]))
+    assert str(caught.value).startswith("own code mine: gave what cannot be flown: TypeError:")
+
+
+def test_the_line_is_that_of_the_users_file_even_if_numpy_raises(here: Path) -> None:
+    _write("helper_of_mine.py", "import numpy as np\n\ndef solve():\n    np.linalg.inv(np.zeros((2, 2)))\n")
+    _write("law.py", "import helper_of_mine\n\n\ndef law(settings, design, control_hz):\n    helper_of_mine.solve()\n")
+    with using("law.py:law"), pytest.raises(ExtensionError) as caught:
+        flightbed.run(load_scenario("nominal", [*QUICK, "control.law=law.py:law"]))
+    assert (
+        str(caught.value) == "own code law.py:law: cannot be built: helper_of_mine.py:4: LinAlgError: Singular matrix"
+    )
+
+
+# Other processes
+
+
+def test_it_flies_in_worker_processes_too(here: Path) -> None:
+    """By name, and at hand if it can be imported there; bit for bit what it is here."""
+    quick = ["duration_s=1", "estimators=[{name='own', kind='own_filter.py:Fixed', model='short-period', options={k=0.5}}]", "adaptation.estimator=own", "failures=[]"]  # fmt: skip
+    with using("own_filter.py:Fixed", {"still": Still, "local": lambda settings, onboard: Still(settings, onboard)}):
+        scenario = load_scenario("thesis-loss", [*quick, "control.state_from="])
+        columns = ("own.effectiveness", "q_deg_s")
+        jobs = [Job(scenario, 2, columns), Job(_kind(scenario, "still"), 1, columns)]
+        here_and_now = fly_jobs(jobs)
+        with ThreadPoolExecutor(1) as threads:
+            (threaded,) = fly_jobs(jobs[:1], executor=threads)
+        with processes(2) as executor:
+            assert executor is not None
+            there = fly_jobs(jobs, executor=executor)
+            with pytest.raises(
+                ExtensionError, match="own code local: cannot be sent to other processes .* path/to/file.py:Attr"
+            ):
+                fly_jobs([Job(_kind(scenario, "local"), 1)], executor=executor)
+            Path("own_filter.py").unlink()
+            with pytest.raises(ExtensionError, match=r"own_filter.py:Fixed: own_filter.py cannot be read"):
+                fly_jobs(jobs, executor=executor)
+    for ours, theirs in zip([*here_and_now, threaded], [*there, here_and_now[0]], strict=True):
+        for one, other in zip(ours, theirs, strict=True):
+            assert [one.columns[c].tobytes() for c in columns] == [other.columns[c].tobytes() for c in columns]
+    assert set(there[0][0].columns["own.effectiveness"]) == {0.5}
+    assert not np.array_equal(there[0][0].columns["q_deg_s"], there[0][1].columns["q_deg_s"])
+
+
+def _kind(scenario: Any, kind: str) -> Any:
+    (estimator,) = scenario.estimators
+    return scenario.model_copy(update={"estimators": (estimator.model_copy(update={"kind": kind}),)})
+
+
+# Options
+
+_SCALARS = st.one_of(st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False, allow_infinity=False), st.text(max_size=9))  # fmt: skip
+_VALUES = st.recursive(_SCALARS, lambda inner: st.lists(inner, max_size=3), max_leaves=5)
+
+
+@given(st.dictionaries(st.text(min_size=1, max_size=9), _VALUES, max_size=4))
+def test_options_survive_a_round_trip(options: dict[str, Any]) -> None:
+    table = {
+        "schema": 1,
+        "name": "x",
+        "duration_s": 1.0,
+        "estimators": [{"name": "a", "kind": "mine", "options": options}],
+    }
+    with using({"mine": Still}):
+        scenario = load_scenario(table)
+        again = load_scenario(tomllib.loads(scenario.to_toml()))
+    assert again == scenario
+    assert hash(again) == hash(scenario)
+    assert ("options" in scenario.to_toml()) >= bool(options)
+    assert [type(v) for v in again.estimators[0].options.values()] == [
+        tuple if isinstance(v, list) else type(v) for v in options.values()
+    ]
+
+
+def test_options_are_reached_by_set_in_every_table() -> None:
+    sets = [
+        f"{place}.options.{key}"
+        for place in ("estimators.0", "failures.0", "control", "command")
+        for key in ("gain=2", "taps=[1, 2.5]")
+    ]
+    kinds = ["estimators.0.kind=mine", "failures.0.kind=mine", "control.law=mine", "command.kind=mine"]
+    with using({"mine": Still}):
+        scenario = load_scenario("elevator-loss", [*kinds, *sets])
+    for table in (scenario.estimators[0], scenario.failures[0], scenario.control, scenario.command):
+        assert dict(table.options) == {"gain": 2, "taps": (1, 2.5)}
+    assert scenario.to_toml().count("options]") == 4
+
+
+def test_options_that_are_not_there_are_not_written() -> None:
+    scenario = load_scenario("elevator-loss")
+    assert "options" not in scenario.to_toml()
+    assert scenario.control.options == Options() == {}
+    assert load_scenario(tomllib.loads(scenario.to_toml())) == scenario
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("estimators.0.options.gain=2", "scenarios/elevator-loss.toml: estimators.0.options: kind 'loop-gain' takes none (got gain); only code outside flightbed has options"),
+        ("control.options.gain=2", "scenarios/elevator-loss.toml: control.options: law 'proportional' takes none (got gain); only code outside flightbed has options"),
+        ("failures.0.options.a=2", "scenarios/elevator-loss.toml: failures.0.options: kind 'effectiveness' takes none (got a); only code outside flightbed has options"),
+        ("command.options.a=2", "scenarios/elevator-loss.toml: command.options: kind 'doublet' takes none (got a); only code outside flightbed has options"),
+        ("command.options=2", "--set command.options: must be a table (got 2)"),
+        ("command.options.a.b=2", "scenarios/elevator-loss.toml: command.options.a: must be text, a finite number, true or false, or a list of these (got {'b': 2})"),
+        ("command.options.a=inf", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got inf)"),
+        ("command.options.a=[1, [nan]]", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got [1, [nan]])"),
+        ("command.options.a=1999-12-31", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got datetime.date(1999, 12, 31))"),
+    ],
+)  # fmt: skip
+def test_options_that_cannot_be(override: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", [override])
+    assert str(caught.value) == message
+
+
+def test_options_cannot_be_changed_and_tell_what_is_missing() -> None:
+    options = Options({"taps": [1, [2]]})
+    assert options["taps"] == (1, (2,))
+    with pytest.raises(TypeError):
+        options["taps"] = 3  # type: ignore[index]
+    with pytest.raises(KeyError, match="there is no option gain; there is: taps"):
+        options["gain"]
+    assert options.get("gain", 5) == 5
+    assert "gain" not in options
+    assert repr(options) == "Options({'taps': (1, (2,))})"
+
+
+def test_own_kinds_may_use_every_key() -> None:
+    with using({"mine": Still}):
+        load_scenario(
+            "elevator-loss", ["estimators.0.kind=mine", "estimators.0.forgetting=0.9", "estimators.0.prior.alpha_deg=1"]
+        )
+        load_scenario(
+            "elevator-loss", ["failures.0.kind=mine", "failures.0.over_s=3", "command.kind=mine", "command.seed=1"]
+        )

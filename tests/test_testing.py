@@ -1,0 +1,245 @@
+"""The check of an estimator's contract: flightbed's own keep it, and each way to break it is told."""
+
+from __future__ import annotations
+
+import inspect
+import time
+from math import inf, nan
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from flightbed import assembly, registry, testing
+from flightbed.errors import ScenarioError
+from flightbed.estimation.base import OnBoard
+from flightbed.loop import Flight
+from flightbed.plan import Plan
+from flightbed.settings import EstimatorSettings
+from flightbed.signals import Estimate, Measurement
+from flightbed.testing import ContractError, check_estimator
+
+
+class Sound:
+    """Says nothing of K, and keeps the contract; each class below breaks it in one way."""
+
+    def __init__(self, settings: EstimatorSettings, onboard: OnBoard) -> None:
+        self.ticks = 0
+        self.start()
+
+    def start(self) -> None:
+        pass
+
+    def update(self, measurement: Measurement) -> Any:
+        self.ticks += 1
+        return self.say(Estimate(1.0, 0.5, 1.0, 1.0, measurement.alpha_rad, measurement.q_rad_s, nan, 0.0))
+
+    def say(self, estimate: Estimate) -> Any:
+        return estimate
+
+
+class NoUpdate:
+    def __init__(self, settings: EstimatorSettings, onboard: OnBoard) -> None:
+        pass
+
+
+class NoArguments:
+    pass
+
+
+class BuildsNothing(Sound):
+    def start(self) -> None:
+        raise ValueError("no such\nmodel")
+
+
+class Raises(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        return estimate if self.ticks < 300 else 1.0 / 0.0
+
+
+class DividesByNothing(Sound):
+    """Fails where nothing moves, and there alone."""
+
+    def say(self, estimate: Estimate) -> Any:
+        return estimate._replace(nis=1.0 / abs(estimate.q_rad_s) if self.ticks > 1 else nan)
+
+
+class SaysNothing(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        return None
+
+
+class Arrays(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        return estimate._replace(effectiveness_raw=np.array([1.0]))
+
+
+class NotFinite(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        return estimate._replace(effectiveness_std=inf, effectiveness=nan)
+
+
+class NegativeStd(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        return estimate._replace(effectiveness_std=-0.1)
+
+
+class NegativeNis(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        return estimate._replace(nis=-1.0)
+
+
+class BeyondItsBounds(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        return estimate._replace(effectiveness=1.5, effectiveness_raw=1.5)
+
+
+class ForgetsAlarms(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        return estimate._replace(alarms=float(self.ticks == 100))
+
+
+class Dice(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        return estimate._replace(effectiveness_raw=float(np.random.normal()))  # noqa: NPY002
+
+
+class SharedState(Sound):
+    """In the class, and set anew by every instance: only two by turns notice."""
+
+    level: ClassVar[list[float]] = [0.0]
+
+    def start(self) -> None:
+        self.level[0] = 0.0
+
+    def say(self, estimate: Estimate) -> Any:
+        self.level[0] += estimate.q_rad_s
+        return estimate._replace(effectiveness_raw=self.level[0])
+
+
+class SharedCount(Sound):
+    """In the class, and never set anew."""
+
+    level: ClassVar[list[float]] = [0.0]
+
+    def say(self, estimate: Estimate) -> Any:
+        self.level[0] += 1.0
+        return estimate._replace(effectiveness_raw=self.level[0])
+
+
+class NeverForgets(Sound):
+    def start(self) -> None:
+        self.all: list[float] = []
+
+    def say(self, estimate: Estimate) -> Any:
+        self.all.append(estimate.q_rad_s * 2.0)
+        return estimate
+
+
+class Slow(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        time.sleep(0.011)
+        return estimate
+
+
+@pytest.mark.parametrize("model", ["scheduled", "short-period"])
+@pytest.mark.parametrize("kind", registry.names("estimators"))
+def test_flightbeds_own_keep_it(kind: str, model: str) -> None:
+    checked = check_estimator(registry.factory("estimators", kind), settings={"model": model})
+    assert 0.0 < checked.microseconds_per_update < 1e4
+    if model == "short-period":  # the plant is the model
+        assert 0.0 < checked.error_healthy < 0.1
+        assert 0.0 < checked.error_at_half < 0.05
+        assert abs(checked.final_at_half - 0.5) < 0.1
+    assert (checked.detected_after_s is not None) == (kind == "loop-gain" and model == "scheduled")
+
+
+def test_a_sound_one_passes_and_is_measured() -> None:
+    checked = check_estimator(Sound, settings={"bounds": [0.0, 1.0], "options": {"gain": 2.0}})
+    assert (checked.error_healthy, checked.error_at_half, checked.final_at_half) == (0.0, 0.5, 1.0)
+    assert checked.detected_after_s is None
+
+
+@pytest.mark.parametrize(
+    ("broken", "lines"),
+    [
+        (NoUpdate, ["update: a NoUpdate has none; give it a method update(measurement)"]),
+        (NoArguments, ["building: TypeError: NoArguments() takes no arguments; it is called with (settings, onboard)"]),
+        (BuildsNothing, ["building: test_testing.py:LINE ValueError: no such model; it is called with (settings, onboard)"]),
+        (Raises, ["update: raises ZeroDivisionError: float division by zero at test_testing.py:LINE in flight 'healthy'; let it go on"]),
+        (DividesByNothing, ["update: raises ZeroDivisionError: float division by zero at test_testing.py:LINE in flight 'nothing moves'; let it go on"]),
+        (SaysNothing, ["estimate: update returns a NoneType at tick 0 of 'healthy'; return a flightbed.Estimate"]),
+        (Arrays, ["effectiveness_raw: is a ndarray at tick 0 of 'healthy'; make it a plain number, float(x)"]),
+        (NotFinite, ["effectiveness: is nan at tick 0 of 'healthy'; give a finite number, however large its std", "effectiveness_std: is inf at tick 0 of 'healthy'; give a finite number, however large its std"]),
+        (NegativeStd, ["effectiveness_std: is -0.1 at tick 0 of 'healthy'; it cannot be negative"]),
+        (NegativeNis, ["nis: is -1 at tick 0 of 'healthy'; it cannot be negative"]),
+        (BeyondItsBounds, ["effectiveness: is 1.5 at tick 0 of 'healthy', outside settings.bounds [0, 1]; clip it; effectiveness_raw is what it was before"]),
+        (ForgetsAlarms, ["alarms: fall from 1 to 0 at tick 100 of 'healthy'; count all alarms so far"]),
+        (Dice, ["repeatable: a second one says something else of the same readings, from tick 0 on; let it depend on nothing but its arguments; draw what is random from np.random.default_rng(0) of its own"]),
+        (SharedCount, ["repeatable: a second one says something else of the same readings, from tick 0 on; let it depend on nothing but its arguments; draw what is random from np.random.default_rng(0) of its own"]),
+        (SharedState, ["own state: two that are fed by turns disturb each other, from tick 1 on; keep all state in self, none in the class, the module or a default argument"]),
+    ],
+)  # fmt: skip
+def test_each_way_to_break_it_is_told_in_a_line(broken: Any, lines: list[str]) -> None:
+    with pytest.raises(ContractError) as caught:
+        check_estimator(broken)
+    source, first = inspect.getsourcelines(broken)
+    (number,) = [first + i for i, line in enumerate(source) if " / " in line or "raise" in line] or [0]
+    assert sorted(caught.value.violations) == [line.replace("LINE", str(number)) for line in lines]
+    assert str(caught.value).splitlines() == list(caught.value.violations)
+    assert isinstance(caught.value, AssertionError)
+
+
+def test_memory_that_grows_is_told_with_how_much() -> None:
+    with pytest.raises(ContractError, match=r"^memory: grows by \d\d bytes at every tick; keep the last samples only"):
+        check_estimator(NeverForgets)
+
+
+def test_one_that_is_slower_than_the_tick_is_told_at_once() -> None:
+    with pytest.raises(ContractError, match=r"^time: an update takes 1\d\d\d\d us, the tick has 10000 us"):
+        check_estimator(Slow)
+
+
+def test_several_violations_come_together() -> None:
+    class Several(Sound):
+        def say(self, estimate: Estimate) -> Any:
+            return estimate._replace(effectiveness_std=-1.0, nis=-1.0, effectiveness=2.0)
+
+    with pytest.raises(ContractError) as caught:
+        check_estimator(Several)
+    assert [line.partition(":")[0] for line in caught.value.violations] == ["effectiveness", "effectiveness_std", "nis"]
+
+
+def test_what_only_the_nonlinear_aircraft_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    outdoors: list[bool] = []
+
+    def assemble(planned: Plan) -> Flight:
+        outdoors.append(True)
+        return assembly.assemble(planned)
+
+    class Indoors(Sound):
+        def say(self, estimate: Estimate) -> Any:
+            return 1.0 / 0.0 if outdoors and self.ticks == 300 else estimate
+
+    monkeypatch.setattr(testing, "assemble", assemble)
+    check_estimator(Indoors, jsbsim=False)
+    with pytest.raises(
+        ContractError, match="ZeroDivisionError: float division by zero at .* 'three seconds of the nonlinear"
+    ):
+        check_estimator(Indoors)
+
+
+def test_settings_are_those_of_a_scenario() -> None:
+    given: list[EstimatorSettings] = []
+
+    def make(settings: EstimatorSettings, onboard: OnBoard) -> Sound:
+        given.append(settings)
+        assert (onboard.schedule is None) == (settings.model == "short-period")
+        return Sound(settings, onboard)
+
+    check_estimator(make, settings=EstimatorSettings(name="x", model="short-period", window=50), jsbsim=False)
+    assert (given[0].window, given[0].model) == (50, "short-period")
+    check_estimator(make, settings={"options": {"taps": [1, 2.5]}}, jsbsim=False)
+    assert given[-1].options["taps"] == (1, 2.5)
+    with pytest.raises(ScenarioError, match=r"unknown key estimators\.0\.windw; did you mean window\?"):
+        check_estimator(make, settings={"windw": 3})
