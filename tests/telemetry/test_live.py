@@ -1,0 +1,184 @@
+"""Live flights: the viewer sees them, and whatever becomes of it, they end as they would have."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flightbed import live as live_module
+from flightbed.errors import InputError
+from flightbed.live import Live, address
+from flightbed.mission import Result, run
+from flightbed.pacing import WallClock
+from flightbed.scenario import Scenario, load_scenario
+from flightbed.telemetry import viewer
+from tests.command_line import assert_one_clear_line, flightbed
+from tests.telemetry.viewers import needs_viewer
+
+SHORT = ["duration_s=3", "failures.0.at_s=1"]
+
+
+@pytest.fixture
+def short() -> Scenario:
+    return load_scenario("elevator-loss", SHORT)
+
+
+def _whole(result: Result) -> None:
+    assert result.folder is not None
+    assert {"flight.rrd", "metrics.json", "scenario.toml", "trace.parquet"} <= {p.name for p in result.folder.iterdir()}
+    assert len(result.trace) == 300
+    done = subprocess.run([viewer.executable(), "rrd", "verify", str(result.folder / "flight.rrd")], check=False)
+    assert done.returncode == 0
+
+
+def _same_flight(result: Result, scenario: Scenario) -> None:
+    alone = run(scenario).trace
+    for name in alone.columns:
+        np.testing.assert_array_equal(result.trace[name], alone[name], err_msg=name)
+
+
+def _latest(client: Any) -> int:
+    recordings = client.get_state().recordings
+    return max((t.end for r in recordings for t in r.timelines if t.name == "time"), default=-1)
+
+
+@needs_viewer
+def test_the_viewer_sees_the_whole_flight(short: Scenario, tmp_path: Path) -> None:
+    said: list[str] = []
+    port = viewer.free_port()
+    with viewer.headless(port) as client:
+        result = run(short, tmp_path / "run", live=Live(port=port, notify=said.append))
+        assert said == []
+        until = time.monotonic() + 10.0
+        while _latest(client) < 2_990_000_000 and time.monotonic() < until:
+            time.sleep(0.1)
+        assert _latest(client) == 2_990_000_000
+        client.take_screenshot()
+        views = client.get_state().views
+        assert len(views) == 19
+        assert [view.reports for view in views] == [[]] * len(views)
+        assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == []
+    _whole(result)
+    _same_flight(result, short)
+
+
+@needs_viewer
+def test_a_viewer_killed_in_flight_stops_nothing_and_is_told_once(short: Scenario, tmp_path: Path) -> None:
+    said: list[str] = []
+    port = viewer.free_port()
+    process = viewer.launch(port, "--headless")
+    killer = threading.Timer(4.0, process.kill)
+    killer.start()
+    began = time.monotonic()
+    scenario = load_scenario("elevator-loss", ["duration_s=8", "failures.0.at_s=1"])
+    result = run(scenario, tmp_path / "run", pace=WallClock(), live=Live(port=port, notify=said.append))
+    killer.join()
+    process.wait()
+    assert said == [f"the viewer at 127.0.0.1:{port} is gone; the flight goes on without it"]
+    assert len(result.trace) == 800
+    assert time.monotonic() - began < 8.0 + 12.0
+    _same_flight(result, scenario)
+
+
+def test_no_viewer_and_no_display_is_told_once(
+    short: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    said: list[str] = []
+    port = viewer.free_port()
+    result = run(short, tmp_path / "run", live=Live(port=port, notify=said.append))
+    assert len(said) == 1
+    assert said[0].startswith(f"the viewer at 127.0.0.1:{port} is not there, and there is no display to open one on")
+    _whole(result)
+    _same_flight(result, short)
+
+
+def test_a_viewer_elsewhere_that_does_not_answer_is_told_once(short: Scenario) -> None:
+    said: list[str] = []
+    port = viewer.free_port()
+    result = run(short, live=Live("127.0.0.2", port, said.append))  # not the address at which one would be opened
+    assert said == [f"the viewer at 127.0.0.2:{port} does not answer; the flight goes on without it"]
+    assert len(result.trace) == 300
+
+
+def test_a_viewer_that_takes_nothing_holds_nothing_up(
+    short: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It accepts connections and never reads: what a hung viewer does."""
+    monkeypatch.setattr(live_module, "_CLOSING_S", 2.0)
+    said: list[str] = []
+    with socket.create_server(("127.0.0.1", 0), backlog=50) as server:
+        live = Live(port=server.getsockname()[1], notify=said.append)
+        result = run(short, tmp_path / "run", pace=WallClock(), live=live)
+    assert len(said) <= 1
+    assert result.summary["realtime"]["achieved_hz"] == pytest.approx(100.0, rel=0.05)
+    _whole(result)
+    _same_flight(result, short)
+
+
+def test_a_dying_process_between_flight_and_viewer_stops_nothing(short: Scenario, tmp_path: Path) -> None:
+    said: list[str] = []
+    with socket.create_server(("127.0.0.1", 0), backlog=50) as server:
+        live = Live(port=server.getsockname()[1], notify=said.append)
+
+        def kill() -> None:
+            assert live._process is not None
+            os.kill(live._process.pid, signal.SIGKILL)
+
+        begun = threading.Timer(1.5, lambda: live._process and kill())
+        begun.start()
+        result = run(short, tmp_path / "run", pace=WallClock(), live=live)
+        begun.join()
+    assert len(said) == 1
+    assert "was lost" in said[0] or "did not answer" in said[0]
+    _whole(result)
+    _same_flight(result, short)
+
+
+def test_what_does_not_fit_is_dropped_and_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    live = Live(notify=said.append)
+    for _ in range(live_module._QUEUE + 10):
+        live._put(live_module.ROWS, b"x")
+    assert len(said) == 1
+    assert "does not keep up" in said[0]
+
+
+@pytest.mark.parametrize("text", ["host", ":9876", "host:", "host:port", "host:0", "host:70000"])
+def test_an_address_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="--viewer .*: must be HOST:PORT"):
+        address(text)
+
+
+def test_addresses() -> None:
+    assert address(None) == ("127.0.0.1", 9876)
+    assert address("there:1234") == ("there", 1234)
+    assert address("[::1]:1234") == ("::1", 1234)
+    assert viewer.url("::1", 1234) == "rerun+http://[::1]:1234/proxy"
+
+
+def test_the_command_line_says_it_once_and_ends_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    port = viewer.free_port()
+    arguments = ["--set", "duration_s=1", "--set", "failures.0.at_s=0.5", "--out", "x", "--json"]
+    done = flightbed("run", "elevator-loss", *arguments, "--rerun", "live", "--viewer", f"127.0.0.1:{port}", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stderr.startswith("flightbed: the viewer at 127.0.0.1:")
+    assert len(done.stderr.splitlines()) == 1
+    assert (tmp_path / "x" / "flight.rrd").is_file()
+
+
+def test_a_viewer_without_live_is_refused(tmp_path: Path) -> None:
+    arguments = ["run", "nominal", "--viewer", "127.0.0.1:9876"]
+    assert_one_clear_line(arguments, 2, "--viewer 127.0.0.1:9876: has no effect without --rerun live", cwd=tmp_path)
