@@ -53,7 +53,9 @@ def main() -> None:
         show.stream.flush(timeout_sec=_FLUSH_S)
     except Exception:  # it says RuntimeError or its own error when the viewer is gone
         _end("lost is gone")
-    parting = threading.Thread(target=show.stream.disconnect, daemon=True)  # waits for ever for a viewer that goes just now
+    parting = threading.Thread(
+        target=show.stream.disconnect, daemon=True
+    )  # waits for ever for a viewer that goes just now
     parting.start()
     parting.join(_FLUSH_S)
     _end("done")

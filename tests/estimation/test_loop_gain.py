@@ -65,6 +65,52 @@ def test_nis_and_nees_are_chi_square_when_the_model_is_true(
         assert chi2.ppf(TAIL, 3 * RUNS) < nees_x < chi2.ppf(1 - TAIL, 3 * RUNS), (nees_x, 3 * RUNS)
 
 
+def test_innovations_are_white_with_the_sigma_that_the_filter_says(
+    rng: np.random.Generator, design: ShortPeriod
+) -> None:
+    """Where the model is true; 60 flights of 90 ticks, each reading's innovations over their sigma."""
+    told = []
+    for _ in range(60):
+        K = rng.normal(EXPANDING.prior_effectiveness, np.sqrt(EXPANDING.prior_effectiveness_var))
+        samples, _ = fly_linear(design, config=EXPANDING, effectiveness=K, seed=int(rng.integers(2**31)), ticks=91)
+        estimates = [s.estimates[0] for s in samples]
+        assert estimates[0][-4:] == (0.0, 0.0, 0.0, 0.0)
+        told.append([[e[-4] / e[-2], e[-3] / e[-1]] for e in estimates[1:]])
+    over = np.array(told)  # flights, ticks, readings
+    n = over[..., 0].size
+    for reading in range(2):
+        assert chi2.ppf(TAIL, n) < np.sum(over[..., reading] ** 2) < chi2.ppf(1 - TAIL, n)
+        assert abs(np.sum(over[:, 1:, reading] * over[:, :-1, reading])) < 4.0 * np.sqrt(n)  # 4 sigma of white noise
+
+
+def test_innovations_equal_those_of_filterpy(design: ShortPeriod) -> None:
+    """The augmented filter written out for filterpy, fed the same readings of one flight."""
+    from filterpy.kalman import KalmanFilter
+
+    samples, _ = fly_linear(design, config=EXPANDING, effectiveness=0.5, seed=3, ticks=91)
+    A, b = design.discrete(100.0)
+    first = samples[0].measurement
+    theirs = KalmanFilter(dim_x=3, dim_z=2)
+    theirs.x = np.array([first.alpha_rad - design.alpha_trim_rad, first.q_rad_s, EXPANDING.prior_effectiveness])
+    R = np.diag([NOISE.alpha_rad**2, NOISE.q_rad_s**2])
+    theirs.P = np.diag([*np.diag(R), EXPANDING.prior_effectiveness_var])
+    theirs.H, theirs.R = np.eye(2, 3), R
+    theirs.Q = np.zeros((3, 3))
+    theirs.Q[:2, :2] = NOISE.elevator_rad**2 * np.outer(b, b)
+    for sample in samples[1:]:
+        m, ours = sample.measurement, sample.estimates[0]
+        theirs.F = np.eye(3)
+        theirs.F[:2, :2], theirs.F[:2, 2] = A, b * m.elevator_mean_rad
+        theirs.x = theirs.F @ theirs.x - np.array([*(b * design.elevator_trim_rad), 0.0])
+        theirs.P = theirs.F @ theirs.P @ theirs.F.T + theirs.Q
+        theirs.update(np.array([m.alpha_rad - design.alpha_trim_rad, m.q_rad_s]))
+        np.testing.assert_allclose(
+            [ours.innovation_alpha_rad, ours.innovation_q_rad_s], theirs.y, rtol=1e-7, atol=1e-12
+        )
+        sigma = np.sqrt(np.diag(theirs.S))
+        np.testing.assert_allclose([ours.innovation_alpha_std_rad, ours.innovation_q_std_rad_s], sigma, rtol=1e-9)
+
+
 def test_nees_with_process_noise(rng: np.random.Generator, design: ShortPeriod) -> None:
     """The same with process noise in the plant and in the filter: 300 records, full state."""
     A, b = design.discrete(100.0)

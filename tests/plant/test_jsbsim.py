@@ -19,7 +19,7 @@ from flightbed.plant.linear import LinearPlant
 from flightbed.short_period import short_period
 from flightbed.signals import HEALTHY, Health
 from flightbed.trim import TrimPoint, trim
-from flightbed.units import DEG, FT
+from flightbed.units import DEG, FT, G0, LBF
 
 ALTITUDE = 20000 * FT
 
@@ -235,7 +235,7 @@ def test_damage_acts_exactly_at_its_tick(f16: Aircraft, point: TrimPoint, plant_
     rate = (plant.sense().q_rad_s - healthy.sense().q_rad_s) * 100
     # Damping takes up to M_q dt / 2, half a per cent.
     assert rate == pytest.approx(_rates(airframe, point)[1], rel=0.006)
-    assert plant.sense(health)[-4:] == (*health, 0.0)
+    assert plant.sense(health)[-7:-3] == (*health, 0.0)
 
 
 def test_a_cg_shift_can_be_taken_back(f16: Aircraft, point: TrimPoint) -> None:
@@ -291,3 +291,27 @@ def test_gusts_move_the_aircraft_as_the_linear_model_says(f16: Aircraft, mach: f
         wind = up / here.airspeed_m_s
         assert alpha_rate == pytest.approx(design.A[0, 0] * wind, rel=0.15)
         assert q_rate == pytest.approx(design.A[1, 0] * wind, rel=0.15)
+
+
+def test_forces_are_those_that_accelerate_the_aircraft(f16: Aircraft, point: TrimPoint) -> None:
+    """Load factor and speed, which JSBSim computes on another way, follow from lift, drag and thrust (Newton)."""
+    plant = _plant(f16, point)
+    weight_n = plant._fdm.getter("inertia/weight-lbs")() * LBF
+    before = plant.sense()
+    assert before.lift_n * np.cos(before.alpha_rad) + before.drag_n * np.sin(before.alpha_rad) == pytest.approx(
+        before.nz_g * weight_n, rel=0.01
+    )
+    for _ in range(60):
+        plant.advance(point.elevator_rad - 3.0 * DEG, HEALTHY, HEALTHY)
+    pulled = plant.sense()
+    assert pulled.nz_g > 1.5
+    ratio = pulled.nz_g / before.nz_g
+    normal = [t.lift_n * np.cos(t.alpha_rad) + t.drag_n * np.sin(t.alpha_rad) for t in (before, pulled)]
+    assert normal[1] / normal[0] == pytest.approx(ratio, rel=2e-3)
+    for _ in range(10):
+        plant.advance(point.elevator_rad, HEALTHY, HEALTHY)
+    after = plant.sense()
+    gamma = np.mean([t.theta_rad - t.alpha_rad for t in (pulled, after)])
+    along = np.mean([t.thrust_n * np.cos(t.alpha_rad) - t.drag_n for t in (pulled, after)])
+    slowed = (after.airspeed_m_s - pulled.airspeed_m_s) / 0.1
+    assert slowed == pytest.approx((along / weight_n - np.sin(gamma)) * G0, rel=0.03)

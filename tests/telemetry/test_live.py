@@ -172,7 +172,9 @@ def test_the_command_line_says_it_once_and_ends_well(tmp_path: Path, monkeypatch
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     port = viewer.free_port()
     arguments = ["--set", "duration_s=1", "--set", "failures.0.at_s=0.5", "--out", "x", "--json"]
-    done = flightbed("run", "elevator-loss", *arguments, "--rerun", "live", "--viewer", f"127.0.0.1:{port}", cwd=tmp_path)
+    done = flightbed(
+        "run", "elevator-loss", *arguments, "--rerun", "live", "--viewer", f"127.0.0.1:{port}", cwd=tmp_path
+    )
     assert done.returncode == 0
     assert done.stderr.startswith("flightbed: the viewer at 127.0.0.1:")
     assert len(done.stderr.splitlines()) == 1

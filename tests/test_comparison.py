@@ -1,0 +1,192 @@
+"""Runs side by side: labels, differences, settings, the recording, the page, the command."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flightbed import comparison
+from flightbed.comparison_report import comparison_report
+from flightbed.errors import OutputError
+from flightbed.folder import recording_of
+from flightbed.mission import run
+from flightbed.page import render
+from flightbed.scenario import load_scenario
+from flightbed.telemetry import viewer
+from tests.command_line import assert_one_clear_line, flightbed
+from tests.telemetry.reading import series
+from tests.telemetry.viewers import needs_viewer
+
+NAMES = ("nominal", "elevator-loss", "elevator-loss-fixed")
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    root = tmp_path_factory.mktemp("runs")
+    return [run(load_scenario(name), root / name, rerun=False).folder or root for name in NAMES]
+
+
+@pytest.fixture(scope="module")
+def runs(folders: list[Path]) -> tuple[comparison.Run, ...]:
+    return comparison.load_runs(folders)
+
+
+def _row(table, name: str) -> list:  # type: ignore[no-untyped-def, type-arg]
+    return next(list(row[2:]) for row in table.rows if row[0] == name)
+
+
+def test_differences_are_from_the_first(runs: tuple[comparison.Run, ...]) -> None:
+    rms = [r.summary["tracking_rms_pre_deg_s"] for r in runs]
+    shown = _row(comparison.metrics_table(runs), "tracking RMS before the failure")
+    assert shown == [f"{rms[0]:.4g}", *(f"{v:.4g} ({v - rms[0]:+.2g})" for v in rms[1:])]
+    assert _row(comparison.metrics_table(runs), "tracking RMS from 0.3 s after the failure")[0] == "-"
+    told = comparison.to_dict(runs)["differences"]["elevator-loss-fixed"]
+    assert told["tracking_rms_pre_deg_s"] == rms[2] - rms[0]
+    assert "scenario" not in told
+    assert "tracking_rms_post_deg_s" not in told  # nothing to compare with
+    nis = [r.summary["estimators"]["scheduled"]["nis_mean"] for r in runs]
+    assert told["estimators"]["scheduled"]["nis_mean"] == nis[2] - nis[0]
+
+
+def test_the_outcome_and_the_largest_alpha_are_those_of_the_flights(runs: tuple[comparison.Run, ...]) -> None:
+    table = comparison.metrics_table(runs)
+    assert _row(table, "outcome")[0] == "flown to 16.5 s"
+    assert _row(table, "outcome")[2].startswith("departed at ")
+    largest = [float(np.max(np.abs(r.trace["alpha_deg"]))) for r in runs]
+    assert [float(text.split()[0]) for text in _row(table, "largest |alpha|")] == pytest.approx(largest, rel=1e-3)
+
+
+def test_settings_that_differ_and_only_those(runs: tuple[comparison.Run, ...]) -> None:
+    rows = {str(row[0]): list(row[1:]) for row in comparison.differing(runs).rows}
+    assert rows["adaptation.enabled"] == ["true", "true", "false"]
+    assert rows["failures.0.to"] == ["-", "0.2", "0.2"]
+    assert not {key for key in rows if not key.startswith(("failures.0.", "adaptation."))}
+    assert comparison.differing(runs[:1] * 2).rows == []
+
+
+def test_labels_tell_runs_apart(tmp_path: Path) -> None:
+    scenario = load_scenario("nominal", ["duration_s=0.2"])
+    for place in ("a/one", "a/two", "b/one"):
+        run(scenario, tmp_path / place, rerun=False)
+    labels = [r.label for r in comparison.load_runs([tmp_path / "a/one", tmp_path / "a/two"])]
+    assert labels == ["one", "two"]
+    places = [tmp_path / "a/one", tmp_path / "b/one"]
+    assert [r.label for r in comparison.load_runs(places)] == [str(p) for p in places]
+
+
+def test_runs_without_estimators_and_of_other_aircraft_are_compared(tmp_path: Path) -> None:
+    bare = ["duration_s=1", "estimators=[]", "adaptation.enabled=false"]
+    run(load_scenario("nominal", bare), tmp_path / "bare", rerun=False)
+    run(load_scenario("thesis-loss", ["duration_s=5"]), tmp_path / "linear", rerun=False)
+    read = comparison.load_runs([tmp_path / "bare", tmp_path / "linear"])
+    assert read[0].watched is None
+    assert "Compared" in render(comparison_report(read))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "compare: needs at least two runs' folders (got 0)"),
+        (["nowhere", "nowhere-2"], "nowhere: not a run's folder (no metrics.json)"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], message: str, tmp_path: Path) -> None:
+    assert_one_clear_line(["compare", *arguments], 2, message, cwd=tmp_path)
+
+
+def test_one_folder_twice_and_a_broken_one_are_refused(folders: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="is named twice"):
+        comparison.load_runs([folders[0], folders[1], folders[0].parent / "." / folders[0].name])
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    (broken / "metrics.json").write_text("{")
+    with pytest.raises(OutputError, match="broken: not a run's folder"):
+        comparison.load_runs([folders[0], broken])
+    for file in ("scenario.toml", "trace.parquet"):
+        (broken / file).write_bytes((folders[0] / file).read_bytes())
+    with pytest.raises(OutputError, match="broken: cannot be read"):
+        comparison.load_runs([folders[0], broken])
+
+
+def test_the_page_overlays_all_runs(runs: tuple[comparison.Run, ...]) -> None:
+    page = render(comparison_report(runs))
+    for r in runs:
+        assert r.label in page
+        assert page.count(f"stroke: {r.color}") >= 4
+    assert "<script" not in page
+    assert "departed at 10.17 s" in page
+
+
+@pytest.fixture(scope="module")
+def compared(folders: list[Path], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    place = tmp_path_factory.mktemp("compared")
+    done = flightbed("compare", *map(str, folders), "--json", cwd=place)
+    assert done.returncode == 0, done.stderr
+    return place, done.stdout
+
+
+def test_the_command_leaves_a_folder(compared: tuple[Path, str], runs: tuple[comparison.Run, ...]) -> None:
+    place, printed = compared
+    folder = place / "comparisons" / "nominal-elevator-loss-elevator-loss-fixed"
+    assert {p.name for p in folder.iterdir()} == {"comparison.json", "comparison.rrd", "report.html"}
+    told = json.loads(printed)
+    assert Path(told.pop("folder")) == folder.relative_to(place)
+    assert (
+        told == json.loads((folder / "comparison.json").read_text()) == json.loads(json.dumps(comparison.to_dict(runs)))
+    )
+    assert recording_of(folder) == folder / "comparison.rrd"
+
+
+def test_an_earlier_comparison_is_replaced_and_nothing_else(folders: list[Path], tmp_path: Path) -> None:
+    for _ in range(2):
+        done = flightbed("compare", *map(str, folders[:2]), "--out", "both", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    assert "Metrics; in brackets the difference from nominal" in done.stdout
+    (tmp_path / "both" / "mine.txt").write_text("keep")
+    done = flightbed("compare", *map(str, folders[:2]), "--out", "both", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "holds 'mine.txt', which is not from a comparison" in done.stderr
+
+
+def test_the_recording_has_every_run_on_one_time_axis(
+    compared: tuple[Path, str], runs: tuple[comparison.Run, ...]
+) -> None:
+    path = recording_of(compared[0] / "comparisons" / "nominal-elevator-loss-elevator-loss-fixed")
+    done = subprocess.run([viewer.executable(), "rrd", "verify", str(path)], check=False)
+    assert done.returncode == 0
+    columns = {"pitch_rate": "q_deg_s", "elevator": "elevator_deg", "alpha": "alpha_deg", "mach": "mach",
+               "altitude": "altitude_ft", "load_factor": "nz_g", "attitude": "theta_deg",
+               "effectiveness": "scheduled.effectiveness_smoothed"}  # fmt: skip
+    for i, r in enumerate(runs):
+        slug = f"{i + 1}_{r.label.replace('-', '_')}"
+        for plot, column in columns.items():
+            times, values = series(path, f"/{plot}/{slug}", "Scalars:scalars")
+            np.testing.assert_allclose(times, r.trace["t_s"], atol=1e-12)
+            np.testing.assert_array_equal(values, r.trace[column])
+        _, position = series(path, f"/world/{slug}/cg", "Transform3D:translation")
+        np.testing.assert_allclose(position.reshape(-1, 3)[:, 1], r.trace["east_m"] + 20.0 * i, atol=1e-5)
+        _, states = series(path, f"/mode/{slug}", "StateChange:state")
+        assert (
+            list(states) == (["healthy", "over"], ["healthy", "failed", "over"], ["healthy", "failed", "departed"])[i]
+        )
+        times, _ = series(path, "/alpha/failure", "Scalars:scalars")
+        np.testing.assert_allclose(times, [4.5] * 3)
+
+
+@needs_viewer
+def test_the_viewer_shows_it_without_complaint(compared: tuple[Path, str]) -> None:
+    path = recording_of(compared[0] / "comparisons" / "nominal-elevator-loss-elevator-loss-fixed")
+    with viewer.headless() as client:
+        client.open(str(path))
+        for _ in range(2):
+            time.sleep(0.5)
+            client.take_screenshot()
+        views = client.get_state().views
+        assert len(views) == 11
+        assert [view.reports for view in views] == [[]] * len(views)
+        assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == []
