@@ -76,16 +76,18 @@ def run(
     out: Path | None = None,
     set_: Annotated[list[str] | None, Parameter(name="--set", negative="", show_default=False)] = None,
     rerun: Literal["save", "off"] = "save",
+    report: Literal["save", "off"] = "save",
     realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
 ) -> None:
-    """Fly one scenario and leave a folder with scenario, trace, metrics and Rerun recording.
+    """Fly one scenario and leave a folder with scenario, trace, metrics, Rerun recording and report.
 
     Args:
         scenario: A shipped name (see `flightbed list scenarios`) or the path of a TOML file.
         out: Folder to write; an earlier run in it is replaced. Without it: runs/NAME, or runs/NAME-2, ... if that exists.
         set_: KEY=VALUE, replaces one key of the scenario, as in --set failures.0.to=0.35; repeat --set for each key.
         rerun: Whether to write the Rerun recording.
+        report: Whether to write the report, a page with figures.
         realtime: Fly at the pace of the clock, and tell how well it was kept.
         json: Print what metrics.json holds, and the folder, as JSON and nothing else on stdout.
 
@@ -97,7 +99,8 @@ def run(
     settings = load_scenario(scenario, set_ or ())
     place = out if out is not None else Path("runs") / settings.name
     pace = WallClock() if realtime else None
-    result = fly(settings, place, rerun=rerun == "save", replace=out is not None, pace=pace)
+    parts = {"rerun": rerun == "save", "report": report == "save"}
+    result = fly(settings, place, **parts, replace=out is not None, pace=pace)
     if json:
         print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))
     else:

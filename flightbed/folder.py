@@ -52,8 +52,8 @@ def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FI
     return target
 
 
-def write_run(result: Result, target: Path, *, rerun: bool, replace: bool) -> Path:
-    """Write the folder of a run; returns where it went."""
+def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replace: bool) -> Path:
+    """Write the folder of a run, with a recording and a report if asked for; returns where it went."""
 
     def write(new: Path) -> None:
         (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
@@ -61,6 +61,11 @@ def write_run(result: Result, target: Path, *, rerun: bool, replace: bool) -> Pa
         result.trace.write(new / "trace.parquet")
         if rerun:
             _record(result, new / "flight.rrd")
+        if report:
+            from flightbed.page import render
+            from flightbed.report import run_report  # draws: slow to import
+
+            (new / "report.html").write_text(render(run_report(result)), encoding="utf-8")
 
     return _write(target, write, replace=replace)
 

@@ -59,10 +59,11 @@ def run(
     out: str | Path | None = None,
     *,
     rerun: bool = True,
+    report: bool = True,
     replace: bool = True,
     pace: Clock | None = None,
 ) -> Result:
-    """Fly a scenario; with ``out``, leave a folder with scenario, trace, metrics and recording.
+    """Fly a scenario; with ``out``, leave a folder with scenario, trace, metrics, recording and report.
 
     Nothing is left behind when the flight is interrupted.
 
@@ -70,6 +71,7 @@ def run(
         scenario: what to fly.
         out: folder to write; None writes nothing.
         rerun: whether the folder gets a Rerun recording.
+        report: whether it gets a report page.
         replace: an ``out`` that holds an earlier run is replaced, whole, once the flight is done, and any other folder
             that is not empty is refused; if false, the first free one of OUT, OUT-2, OUT-3, ... is taken instead.
         pace: clock that the ticks keep to, ``flightbed.WallClock()`` for real time; the trace then has the columns of
@@ -89,7 +91,7 @@ def run(
     result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall))
     if target is None:
         return result
-    return dataclasses.replace(result, folder=write_run(result, target, rerun=rerun, replace=replace))
+    return dataclasses.replace(result, folder=write_run(result, target, rerun=rerun, report=report, replace=replace))
 
 
 def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:
