@@ -12,6 +12,7 @@ from flightbed.metrics import at_stop
 from flightbed.pacing import Spell, late_spells
 from flightbed.settings import Failure, GustSettings, Scenario
 from flightbed.trace import Trace
+from flightbed.units import unit_of
 
 _MANY = 10  # spells of late ticks that the event log tells one by one
 
@@ -57,13 +58,14 @@ def flown(scenario: Scenario, aircraft: str) -> list[tuple[str, str]]:
         "q bias {:g} deg/s": sensors.q_bias_deg_s,
         "Mach error {:.2%}": sensors.mach_error,
     }
+    late = f", commands {rates.delay_ticks} ticks late" if rates.delay_ticks else ""
     unknown = {k: v for k, v in scenario.model_error.model_dump().items() if v != (1.0 if k.startswith("cm_") else 0.0)}
     rows = [
         ("aircraft", aircraft + (f", c.g. {shift:+.1%} of the chord, aft positive" if shift else "")),
         ("condition", f"Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft{climb}"),
         ("command", command(scenario)),
         ("law", f"{scenario.control.law}, {correction(scenario)}"),
-        ("rates", f"control {rates.control_hz} Hz, plant {rates.plant_hz} Hz" + (f", command {rates.delay_ticks} ticks late" if rates.delay_ticks else "")),
+        ("rates", f"control {rates.control_hz} Hz, plant {rates.plant_hz} Hz{late}"),
         ("sensors", "; ".join([
             f"white noise of alpha {sensors.alpha_std_deg:g} deg, of q {sensors.q_std_deg_s:g} deg/s",
             *(text.format(value) for text, value in biases.items() if value),
@@ -83,8 +85,12 @@ def command(scenario: Scenario) -> str:
     """Return in words what the pilot asks for: the kind and every key that it uses."""
     idle, asked = idle_keys(scenario), scenario.command
     used = {k: v for k, v in asked.model_dump(exclude={"kind", "filter_rad_s"}).items() if f"command.{k}" not in idle}
-    words = "".join(f", {key} {value:g}" for key, value in used.items())
-    return f"{asked.kind}{words}; prefilter {asked.filter_rad_s:g} rad/s"
+    suffixes = {"deg/s": "_deg_s", "s": "_s", "Hz": "_hz"}
+    words = [asked.kind]
+    for key, value in used.items():
+        unit = unit_of(key) if unit_of(key) in suffixes else ""
+        words.append(f"{key.removesuffix(suffixes.get(unit, '')).replace('_', ' ')} {value:g} {unit}".strip())
+    return f"{', '.join(words)}; prefilter {asked.filter_rad_s:g} rad/s"
 
 
 def correction(scenario: Scenario) -> str:

@@ -25,7 +25,7 @@ BUCKETS = 600  # about one a point of the width of a figure
 _RC: Any = {  # typed by matplotlib with a literal of all its names
     "svg.hashsalt": "flightbed", "svg.fonttype": "none", "font.family": "sans-serif", "font.size": 9.0, "axes.grid": True,
     "grid.color": "#e3e6ec", "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "lines.linewidth": 1.1,
-    "path.simplify": True, "path.simplify_threshold": 0.5, "figure.constrained_layout.use": True,
+    "path.simplify": True, "path.simplify_threshold": 0.15, "figure.constrained_layout.use": True,
 }  # fmt: skip
 
 _PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # a hundredth of a point is enough

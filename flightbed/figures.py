@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Vector = npt.NDArray[np.float64]
 
+_NIS_SHOWN = 18.0  # three times the bound
 NIS_BOUND = 5.991464547107979  # chi-square with 2 degrees of freedom, 95 %: -2 ln 0.05
 
 
@@ -64,21 +65,21 @@ def _picture(key: str, figure: Figure, result: Result) -> Picture:
     with drawing.canvas(figure.rows(result), height=figure.height) as (axes, svg):
         facts = figure.draw(axes, result)
         for axis in axes:
-            mark_changes(axis, result.plan.scenario, float(t[-1]))
+            mark_changes(axis, result.plan.scenario, float(t[-1]), name=axis is axes[0])
             axis.set_xlim(0.0, max(float(t[-1]), 1e-3))
             drawing.legend(axis)
         axes[-1].set_xlabel("time, s")
         return Picture(key, figure.title, drawing.distinct(svg(), key), figure.text, facts)
 
 
-def mark_changes(axes: Axes, scenario: Scenario, end_s: float) -> None:
-    """Draw when failures begin, and gusts, as far as the flight got."""
+def mark_changes(axes: Axes, scenario: Scenario, end_s: float, *, name: bool) -> None:
+    """Draw when failures begin, and gusts, as far as the flight got; with a name in the legend if wanted."""
     for kind, color, times in (
         ("failure", drawing.FAILURE, [f.at_s for f in scenario.failures]),
         ("gust", drawing.OTHER, [g.at_s for g in scenario.gusts]),
     ):
         for i, at_s in enumerate(sorted(at for at in times if at <= end_s)):
-            axes.axvline(at_s, color=color, linestyle=":", linewidth=1.3, label="_" if i else kind)
+            axes.axvline(at_s, color=color, linestyle=":", linewidth=1.3, label="_" if i or not name else kind)
 
 
 def color_of(result: Result, name: str) -> str:
@@ -143,7 +144,7 @@ def _elevator(axes: list[Axes], result: Result) -> str:
         axes[0].axhline(
             stop, color=drawing.OTHER, linestyle="--", linewidth=0.9, label="_" if i else "stops of the surface"
         )
-    axes[0].set_ylabel("elevator, deg, trailing edge down")
+    axes[0].set_ylabel("elevator, deg")
     where = f"stops at {' and '.join(f'{s:+g}' for s in stops)} deg" if stops else "no stops"
     return (
         f"Commanded {_range(trace['elevator_cmd_deg'], '+.2f', 'deg')}, {where}; "
@@ -186,10 +187,9 @@ def _nis(axes: list[Axes], result: Result) -> str:
         axis.axhline(NIS_BOUND, color=drawing.OTHER, linestyle="--", linewidth=1.0, label="95 % bound")
         axis.set_ylabel("NIS")
         finite = nis[np.isfinite(nis)]
+        axis.set_ylim(0.0, _NIS_SHOWN)
         if finite.size:
-            top = max(12.0, 1.1 * float(np.percentile(finite, 99.5)))
-            axis.set_ylim(0.0, top)
-            beyond = int(np.sum(finite > top))
+            beyond = int(np.sum(finite > _NIS_SHOWN))
             cut = f", {beyond} beyond the frame, the largest {finite.max():.3g}" if beyond else ""
             words.append(
                 f"'{name}': mean {finite.mean():.2f}, above the bound in {np.mean(finite > NIS_BOUND):.1%} of the ticks{cut}."
@@ -200,12 +200,14 @@ def _nis(axes: list[Axes], result: Result) -> str:
 def _sigma(axes: list[Axes], result: Result) -> str:
     trace, words = result.trace, []
     t, bound = trace["t_s"], trace.columns.get("effectiveness_bound")
+    if bound is not None:
+        shown = np.where(bound > 0.0, bound, np.nan)
+        drawing.line(axes[0], t, shown, color=drawing.OTHER, linewidth=3.5, alpha=0.45, label="Cramer-Rao bound")
     for name in trace.estimators:
         std = trace[f"{name}.effectiveness_std"]
         drawing.line(axes[0], t, np.where(std > 0.0, std, np.nan), color=color_of(result, name), label=f"'{name}'")
         words.append(f"'{name}': median sigma {number(float(np.median(std)), '.2g')}.")
     if bound is not None:
-        drawing.line(axes[0], t, np.where(bound > 0.0, bound, np.nan), color=drawing.TRUTH, label="Cramer-Rao bound")
         words.append(f"Bound: median {number(float(np.median(bound)), '.2g')}.")
     if any(np.any(np.asarray(line.get_ydata()) > 0.0) for line in axes[0].lines):
         axes[0].set_yscale("log")
@@ -241,7 +243,7 @@ FIGURES = {
         "Pitch rate", "What the pilot asks for, the prefiltered reference, and what the aircraft does.", _one, _pitch_rate
     ),
     "alpha": Figure("Angle of attack", "To the air, gusts included.", _one, _alpha),
-    "elevator": Figure("Elevator", "What the law commands and where the surface is.", _one, _elevator),
+    "elevator": Figure("Elevator", "What the law commands and where the surface is; trailing edge down is positive.", _one, _elevator),
     "effectiveness": Figure(
         "Effectiveness K", "Each estimator's K-hat with its own +-2 sigma, K-hat smoothed as the law uses it, and the truth.",
         _estimators, _effectiveness, height=1.9,

@@ -1,4 +1,4 @@
-"""Folders of runs and of studies: written whole or not at all."""
+"""Folders of runs, of campaigns and of studies: written whole or not at all."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,14 +16,17 @@ from flightbed.card import events, run_card
 from flightbed.errors import OutputError
 
 if TYPE_CHECKING:
+    from flightbed.campaign import Campaign
     from flightbed.document import Document
     from flightbed.mission import Result
 
 RUN_FILES = frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"})
+CAMPAIGN_FILES = frozenset({"scenario.toml", "table.parquet", "summary.json", "report.html"})
 STUDY_FILES = frozenset({"report.html", "results.json"})
+_KINDS = {RUN_FILES: "run", CAMPAIGN_FILES: "campaign", STUDY_FILES: "study"}
 
 
-def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FILES) -> Path:
+def check_target(target: Path, *, replace: bool, files: frozenset[str] = RUN_FILES) -> Path:
     """Refuse a target that would lose something, and one that cannot be written, before flying.
 
     Args:
@@ -41,9 +44,8 @@ def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FI
         if replace and target.is_dir():
             strangers = sorted(p.name for p in target.iterdir() if p.name not in files)
             if strangers:
-                kind = "study" if files is STUDY_FILES else "run"
                 raise OutputError(
-                    f"--out {target}: holds '{strangers[0]}', which is not from a {kind}; name a new folder"
+                    f"--out {target}: holds '{strangers[0]}', which is not from a {_KINDS[files]}; name a new folder"
                 )
         parent = next(p for p in target.absolute().parents if p.exists())
         tempfile.TemporaryDirectory(dir=parent, prefix=".flightbed-").cleanup()
@@ -66,6 +68,22 @@ def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replac
             from flightbed.report import run_report  # draws: slow to import
 
             (new / "report.html").write_text(render(run_report(result)), encoding="utf-8")
+
+    return _write(target, write, replace=replace)
+
+
+def write_campaign(campaign: Campaign, target: Path, *, replace: bool) -> Path:
+    """Write the folder of a campaign: scenario, table, summary, report; returns where it went."""
+    from flightbed.campaign import summary
+    from flightbed.campaign_report import campaign_report
+    from flightbed.campaign_table import write_table
+    from flightbed.page import render
+
+    def write(new: Path) -> None:
+        (new / "scenario.toml").write_text(campaign.scenario.to_toml(), encoding="utf-8")
+        (new / "summary.json").write_text(_json(summary(campaign)), encoding="utf-8")
+        (new / "report.html").write_text(render(campaign_report(campaign)), encoding="utf-8")
+        write_table(campaign.rows, new / "table.parquet")
 
     return _write(target, write, replace=replace)
 

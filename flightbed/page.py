@@ -25,9 +25,11 @@ figcaption { font-size: .92rem; } figcaption b { display: block; }
 .open { border-color: #999; }
 .lead p:first-child { font-size: 1.12rem; margin-top: 0; } .lead { border-bottom: 1px solid #ccd; margin-bottom: 1rem; }
 .listing { font-weight: 600; margin: 1rem 0 .3rem; font-size: .9rem; }
-pre { background: #f6f7f9; padding: .6rem .8rem; font: .78rem/1.45 ui-monospace, monospace; white-space: pre-wrap; overflow-wrap: anywhere; }
+pre { background: #f6f7f9; padding: .6rem .8rem; font: .78rem/1.45 ui-monospace, monospace; }
+pre { white-space: pre-wrap; overflow-wrap: anywhere; }
 pre.long { columns: 2; }
-@media print { pre { background: none; border: 1px solid #ccd; } body { max-width: none; margin: 0; font-size: 11px; } nav { display: none; } }
+@media print { pre { background: none; border: 1px solid #ccd; } }
+@media print { body { max-width: none; margin: 0; font-size: 11px; } nav { display: none; } }
 """
 
 

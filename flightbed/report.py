@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flightbed.card import events, failures, flown, gusts, kept_pace, outcome
+from flightbed.card import correction, events, failures, flown, gusts, kept_pace, outcome
 from flightbed.document import Cell, Document, Listing, Section, Table
 from flightbed.figures import number, pictures
 from flightbed.short_period import ShortPeriod
@@ -60,17 +60,18 @@ def run_report(result: Result) -> Document:
         _design(result),
         again(scenario.to_toml(), "", summary["versions"]),
     ]
-    return Document(f"{scenario.name}, seed {scenario.seed}", sections, facts, _lead(result))
+    condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
+    title = f"{scenario.name}: {result.plan.aircraft.name} at {condition}, seed {scenario.seed}"
+    return Document(title, sections, facts, _lead(result))
 
 
 def headline(result: Result) -> str:
     """Return in a few sentences what flew, what failed, what was done about it, and how it ended."""
     scenario, summary = result.plan.scenario, result.summary
     happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "nothing fails"
-    rows = dict(flown(scenario, result.plan.aircraft.name))
     return (
-        f"{outcome(summary).capitalize()}. {rows['aircraft']} at {rows['condition']}: {happened}. "
-        f"The law ({scenario.control.law}) is {rows['law'].partition(', ')[2]}."
+        f"{happened[0].upper()}{happened[1:]}. The {scenario.control.law} law is {correction(scenario)}. "
+        f"Outcome: {outcome(summary)}."
     )
 
 
@@ -79,8 +80,9 @@ def _lead(result: Result) -> Section:
     scenario, summary, trace = result.plan.scenario, result.summary, result.trace
     away = np.abs(trace["alpha_deg"] - summary["trim"]["alpha_deg"])
     failed = summary["failed_at_s"] is not None
-    columns = ["ended", "largest |alpha - trim|, deg", "elevator at a stop"]
-    cells: list[Cell] = [outcome(summary), float(np.max(away)), summary["elevator_at_stop_share"]]
+    columns = ["departed", "largest |alpha - trim|, deg", "elevator at a stop"]
+    gone = f"at {summary['departed_at_s']:.2f} s" if summary["departed"] else "no"
+    cells: list[Cell] = [gone, float(np.max(away)), summary["elevator_at_stop_share"]]
     for when, key in (
         ("before the failure" if failed else "whole flight", "pre"),
         *((("after it", "post"),) if failed else ()),
@@ -98,20 +100,15 @@ def _estimates(result: Result) -> Table:
     used = adaptation.estimator if adaptation.enabled and not adaptation.oracle else ""
     keys = ("final", "median_abs_error_post", "first_within_20pct_s", "detected_at_s", "nis_mean")
     columns = (
-        "estimator",
-        "K at end",
-        "true",
-        "median |K-hat - K| after",
-        "within 20 % after, s",
-        "alarm after, s",
+        "estimator", "corrects the law", "K at end", "true K", "median |K-hat - K|", "within 20 % after, s", "alarm after, s",
         "mean NIS (2 is right)",
-    )
+    )  # fmt: skip
     truth = float(result.trace["effectiveness_true"][-1])
     rows: list[list[Cell]] = []
     for name, m in summary["estimators"].items():
         final, *rest = (m[key] for key in keys)
-        rows.append([name + (" (corrects the law)" if name == used else ""), final, truth, *rest])
-    return Table("estimates", "", columns, rows, dict.fromkeys(columns[1:3], ".3f") | {columns[3]: ".2g"})
+        rows.append([name, "yes" if name == used else "no", final, truth, *rest])
+    return Table("estimates", "", columns, rows, dict.fromkeys(columns[2:4], ".3f") | {columns[4]: ".2g"})
 
 
 def _numbers(result: Result) -> Section:

@@ -1,0 +1,262 @@
+"""Campaign -> its report: how many departed, distributions, mean and one-sigma histories, medians, the worst flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed import drawing
+from flightbed.campaign import Campaign
+from flightbed.campaign_table import Quantity
+from flightbed.card import correction, failures, flown, gusts, outcome
+from flightbed.document import Cell, Document, Listing, Picture, Section, Table, show
+from flightbed.ensemble import histories
+from flightbed.figures import mark_changes, pictures
+from flightbed.report import ESTIMATOR_METRICS, again
+from flightbed.units import unit_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Vector = npt.NDArray[np.float64]
+Line = tuple[str, str, list[float]]  # name, colour, values
+
+_BINS = 30
+_MEANINGS = {
+    "departed_at_s": "departure, over the flights that departed",
+    "flown_s": "time flown",
+    "estimators_since_s": "first change of K: the failure of all that is said of estimators",
+    "tracking_rms_pre_deg_s": "RMS of q - q_ref before the first failure",
+    "tracking_rms_post_deg_s": "the same from 0.3 s after it; of a flight that ends early, as far as it got",
+    **{key: meaning for key, (_, meaning) in ESTIMATOR_METRICS.items()},
+}
+
+
+def campaign_report(campaign: Campaign) -> Document:
+    """Return the report of a campaign; the same for the same flights, but for the time that they took."""
+    scenario, flights = campaign.scenario, campaign.flights
+    aircraft, first = campaign.worst.plan.aircraft.name, scenario.seed
+    seeds = f"{first} to {first + len(flights) - 1}"
+    versions = campaign.worst.summary["versions"]
+    facts = {
+        "again": f"flightbed campaign FOLDER/scenario.toml --runs {len(flights)}",
+        "flights": len(flights),
+        "seeds": seeds,
+        "wall_time_s": round(campaign.wall_time_s, 1),
+        "aircraft": f"{aircraft}, SHA-256 {campaign.worst.summary['aircraft_sha256']}",
+        "versions": versions,
+    }
+    what = [row if row[0] != "seed" else ("seeds", seeds) for row in flown(scenario, aircraft)]
+    sections = [
+        Section("What flew", (), [Table("flown", "The flights", ("", ""), what)]),
+        Section("How the flights differ", (), _distributions(campaign)),
+        Section("Mean and one sigma", (), _histories(campaign)),
+        Section("Medians", (), _medians(campaign)),
+        _worst(campaign),
+        again(scenario.to_toml(), f" --set seed={campaign.worst.summary['seed']}", versions),
+    ]
+    condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
+    title = f"{scenario.name}: {len(flights)} flights of {aircraft} at {condition}"
+    return Document(title, sections, facts, lead(campaign))
+
+
+def tracking(campaign: Campaign) -> Quantity:
+    """Return the tracking that counts: after the failure, or of the whole flights where nothing fails."""
+    after = campaign.quantity("tracking_rms_post_deg_s")
+    return after if after.known else campaign.quantity("tracking_rms_pre_deg_s")
+
+
+def headline(campaign: Campaign) -> str:
+    """Return in a few sentences how many flew and departed, and how well they tracked."""
+    departed, flights = campaign.departed, len(campaign.flights)
+    chosen = tracking(campaign)
+    gone = round(departed.estimate * flights)
+    after = "" if chosen.column.endswith("pre_deg_s") else " from 0.3 s after the failure"
+    told = f" Median RMS of q - q_ref{after}: {_interval(chosen, '.3g')} deg/s." if chosen.known else ""
+    return (
+        f"{gone} of {flights} flights departed: {departed.estimate:.1%} "
+        f"(95 % interval {departed.low:.1%} to {departed.high:.1%}).{told}"
+    )
+
+
+def _interval(quantity: Quantity, spec: str) -> str:
+    middle = quantity.median
+    if not np.isfinite([middle.low, middle.high]).all():
+        return f"{show(middle.estimate, spec)} (too few flights for an interval)"
+    return f"{show(middle.estimate, spec)} (95 % interval {middle.low:{spec}} to {middle.high:{spec}})"
+
+
+def lead(campaign: Campaign) -> Section:
+    """Return what a reader should know after ten seconds."""
+    scenario = campaign.scenario
+    happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "nothing fails"
+    text = [
+        headline(campaign),
+        f"{happened[0].upper()}{happened[1:]}. The {scenario.control.law} law is {correction(scenario)}. "
+        f"Worst flight: seed {campaign.worst.summary['seed']}, {campaign.reason}.",
+    ]
+    keys = ("median_abs_error_post", "first_within_20pct_s", "detected_at_s", "nis_mean", "nees_mean_post")
+    columns = (
+        "estimator",
+        "median |K-hat - K|",
+        "within 20 % after, s",
+        "alarm after, s",
+        "mean NIS (2 is right)",
+        "NEES (1 is right)",
+    )
+    rows: list[list[Cell]] = []
+    for name in campaign.estimators:
+        quantities = [campaign.quantity(f"{name}.{key}") for key in keys]
+        rows.append([name, *(_often(q) for q in quantities)])
+    note = "Medians over the flights, with 95 % interval."
+    return Section("", text, [Table("key", "", columns, rows, dict.fromkeys(columns, ".3g"), note)] if rows else ())
+
+
+def _often(quantity: Quantity) -> Cell:
+    """Return the median of a quantity for a table: never where it never happened, none where it cannot be said."""
+    if not quantity.known:
+        return None
+    return "never" if quantity.never == len(quantity.known) else quantity.median
+
+
+def _medians(campaign: Campaign) -> list[Table]:
+    columns = ("metric", "unit", "median (95 % interval)", "median [5 %, 95 %] where it happened", "flights", "meaning")
+    note = "The interval holds the median with at least 95 % whatever the distribution; fewer than 6 flights leave it open. inf: never."
+    tables = []
+    for owner in ("", *campaign.estimators):
+        rows: list[list[Cell]] = []
+        for q in campaign.quantities():
+            name, _, key = q.column.rpartition(".")
+            if name == owner:
+                rows.append([key, unit_of(key), _often(q), q.spread, len(q.known), _MEANINGS[key]])
+        title = f"Estimator '{owner}'" if owner else "The flights"
+        tables.append(Table(f"medians-{owner}" if owner else "medians", title, columns, rows, note=note))
+    return tables
+
+
+def _colors(campaign: Campaign) -> dict[str, str]:
+    return {name: drawing.ESTIMATES[i % len(drawing.ESTIMATES)] for i, name in enumerate(campaign.estimators)}
+
+
+def _distributions(campaign: Campaign) -> list[Picture]:
+    """Return histograms: of tracking by what came of the flight, of the errors and delays of every estimator."""
+    chosen = tracking(campaign)
+    gone = [flown.metrics.departed for flown in campaign.flights]
+    by_end: list[Line] = [
+        (name, color, [v for v, away in zip(chosen.values, gone, strict=True) if v is not None and away == wanted])
+        for name, color, wanted in (("stayed", drawing.ACTUAL, False), ("departed", drawing.FAILURE, True))
+    ]
+    after = "of the whole flight" if chosen.column.endswith("pre_deg_s") else "from 0.3 s after the failure"
+    found = [_histogram("tracking", "Tracking", f"RMS of q - q_ref {after}.", "RMS of q - q_ref, deg/s", by_end)]
+    for key, title, text, label in (
+        ("median_abs_error_post", "Error of K", "Of each flight the median from 0.3 s after the failure.", "median |K-hat - K|"),
+        ("first_within_20pct_s", "Settling", "From the failure to the first K-hat within +-20 % of K.", "time after the failure, s"),
+        ("detected_at_s", "Detection", "From the failure to the first alarm after it.", "time after the failure, s"),
+    ):  # fmt: skip
+        lines = [(name, color, campaign.quantity(f"{name}.{key}").known) for name, color in _colors(campaign).items()]
+        found.append(_histogram(key.replace("_", "-"), title, text, label, lines))
+    return [picture for picture in found if picture is not None]
+
+
+def _histogram(key: str, title: str, text: str, label: str, lines: Sequence[Line]) -> Picture | None:
+    """Draw how often which values occur; None if there are none."""
+    shown = np.array([v for _, _, values in lines for v in values if np.isfinite(v)])
+    if not shown.size:
+        return None
+    low, high = float(shown.min()), float(shown.max())
+    wide = low > 0.0 and high > 20.0 * low
+    pad = 0.5 * (abs(low) or 1.0) * 0.1 if high - low < 1e-9 * abs(high) or high == low else 0.0
+    edges = np.geomspace(low, high, _BINS + 1) if wide else np.linspace(low - pad, high + pad, _BINS + 1)
+    with drawing.canvas(1, height=2.2) as ((axis,), svg):
+        words = []
+        for name, color, values in lines:
+            happened = [v for v in values if np.isfinite(v)]
+            if happened:
+                axis.hist(happened, edges.tolist(), color=color, alpha=0.55, label=name)
+                axis.axvline(float(np.median(happened)), color=color, linewidth=1.4)
+            if values:
+                middle = (
+                    f"median {np.median(happened):.3g}, {min(happened):.3g} to {max(happened):.3g}, "
+                    if happened
+                    else ""
+                )
+                never = len(values) - len(happened)
+                words.append(f"{name}: {middle}{len(values)} flights{f', never in {never}' if never else ''}.")
+        if wide:
+            axis.set_xscale("log")
+        axis.set_xlabel(label)
+        axis.set_ylabel("flights")
+        drawing.legend(axis)
+        return Picture(key, title, drawing.distinct(svg(), key), f"{text} A line marks the median.", " ".join(words))
+
+
+def _histories(campaign: Campaign) -> list[Picture]:
+    flights, scenario = campaign.flights, campaign.scenario
+    t = np.arange(max(len(f.columns["q_deg_s"]) for f in flights)) / scenario.rates.control_hz
+    alone = drawing.ACTUAL
+
+    def band(axis: Axes, column: str, color: str, label: str) -> tuple[Vector, Vector]:
+        mean, std, _ = histories(flights, column)
+        drawing.band(axis, t, mean - std, mean + std, color=color, alpha=0.25)
+        drawing.line(axis, t, mean, color=color, label=label)
+        return mean, std
+
+    def motion(axes: list[Axes]) -> str:
+        drawing.line(axes[0], t, histories(flights, "q_ref_deg_s")[0], color=drawing.REFERENCE, label="reference")
+        words = []
+        for axis, column, label in zip(
+            axes, ("q_deg_s", "alpha_deg", "elevator_deg"), ("pitch rate, deg/s", "angle of attack, deg", "elevator, deg"), strict=False
+        ):  # fmt: skip
+            _, std = band(axis, column, alone, "mean, +-1 sigma")
+            axis.set_ylabel(label)
+            finite = np.where(np.isfinite(std), std, 0.0)
+            words.append(f"{label.partition(',')[0]}: sigma up to {finite.max():.3g}, at {t[finite.argmax()]:.2f} s")
+        if len(axes) > 3:
+            flying = histories(flights, "q_deg_s")[2].astype(np.float64)
+            drawing.line(axes[3], t, flying, color=drawing.OTHER)
+            axes[3].set_ylim(0.0, 1.05 * len(flights))
+            axes[3].set_ylabel("still flying")
+            words.append(f"{int(flying[-1])} of {len(flights)} fly at {t[-1]:.2f} s")
+        return "; ".join(words) + "."
+
+    def gain(axes: list[Axes]) -> str:
+        words, truth = [], histories(flights, "effectiveness_true")[0]
+        for axis, (name, color) in zip(axes, _colors(campaign).items(), strict=True):
+            mean, std = band(axis, f"{name}.effectiveness_smoothed", color, f"smoothed K of '{name}', mean, +-1 sigma")
+            drawing.line(axis, t, truth, color=drawing.TRUTH, label="truth")
+            axis.set_ylim(-0.08, max(1.25, min(3.0, float(np.nanmax(mean[t > 0.3], initial=0.0)) + 0.1)))
+            axis.set_ylabel("K")
+            words.append(f"'{name}' ends at {mean[-1]:.3f} +- {std[-1]:.2g} (truth {truth[-1]:.3f}).")
+        return " ".join(words)
+
+    early = any(len(f.columns["q_deg_s"]) < len(t) for f in flights) or len(t) < scenario.ticks
+    figures: list[tuple[str, str, int, Callable[[list[Axes]], str]]] = [
+        ("motion", "Motion and elevator", 3 + early, motion)
+    ]
+    if campaign.estimators:
+        figures.append(("gain", "Smoothed K", len(campaign.estimators), gain))
+    text = "Mean over the flights that still fly, and one standard deviation to either side."
+    return [_history(campaign, key, title, rows, draw, text, float(t[-1])) for key, title, rows, draw in figures]
+
+
+def _history(
+    campaign: Campaign, key: str, title: str, rows: int, draw: Callable[[list[Axes]], str], text: str, end_s: float
+) -> Picture:
+    with drawing.canvas(rows, height=1.8) as (axes, svg):
+        facts = draw(axes)
+        for axis in axes:
+            mark_changes(axis, campaign.scenario, end_s, name=axis is axes[0])
+            axis.set_xlim(0.0, max(end_s, 1e-3))
+            drawing.legend(axis)
+        axes[-1].set_xlabel("time, s")
+        return Picture(key, title, drawing.distinct(svg(), key), text, facts)
+
+
+def _worst(campaign: Campaign) -> Section:
+    worst = campaign.worst
+    text = f"Seed {worst.summary['seed']}: {campaign.reason}. It {outcome(worst.summary)}."
+    listing = Listing("It flies again, with a report of its own, by", campaign.again)
+    return Section("The worst flight", (text,), [listing, *pictures(worst, ("pitch-rate", "effectiveness"))])
