@@ -28,7 +28,6 @@ _BINS = 30
 _MEANINGS = {
     "departed_at_s": "departure, over the flights that departed",
     "flown_s": "time flown",
-    "estimators_since_s": "first change of K: the failure of all that is said of estimators",
     "tracking_rms_pre_deg_s": "RMS of q - q_ref before the first failure",
     "tracking_rms_post_deg_s": "the same from 0.3 s after it; of a flight that ends early, as far as it got",
     **{key: meaning for key, (_, meaning) in ESTIMATOR_METRICS.items()},
@@ -123,17 +122,22 @@ def _often(quantity: Quantity) -> Cell:
 
 
 def _medians(campaign: Campaign) -> list[Table]:
-    columns = ("metric", "unit", "median (95 % interval)", "median [5 %, 95 %] where it happened", "flights", "meaning")
-    note = "The interval holds the median with at least 95 % whatever the distribution; fewer than 6 flights leave it open. inf: never."
+    columns = ("metric", "unit", "median (95 % interval)", "5 %", "95 %", "flights", "never in", "meaning")
+    note = (
+        "The interval holds the median with at least 95 % whatever the distribution; fewer than 6 flights leave it open. What never "
+        "happened counts as infinite in it, and is left out of the range from 5 to 95 %."
+    )
     tables = []
     for owner in ("", *campaign.estimators):
         rows: list[list[Cell]] = []
         for q in campaign.quantities():
             name, _, key = q.column.rpartition(".")
             if name == owner:
-                rows.append([key, unit_of(key), _often(q), q.spread, len(q.known), _MEANINGS[key]])
+                around = (q.spread.low, q.spread.high)
+                rows.append([key, unit_of(key), _often(q), *around, len(q.known), q.never or None, _MEANINGS[key]])
         title = f"Estimator '{owner}'" if owner else "The flights"
-        tables.append(Table(f"medians-{owner}" if owner else "medians", title, columns, rows, note=note))
+        key = f"medians-{owner}" if owner else "medians"
+        tables.append(Table(key, title, columns, rows, dict.fromkeys(columns, ".3g"), "" if owner else note))
     return tables
 
 
@@ -156,41 +160,51 @@ def _distributions(campaign: Campaign) -> list[Picture]:
         ("first_within_20pct_s", "Settling", "From the failure to the first K-hat within +-20 % of K.", "time after the failure, s"),
         ("detected_at_s", "Detection", "From the failure to the first alarm after it.", "time after the failure, s"),
     ):  # fmt: skip
-        lines = [(name, color, campaign.quantity(f"{name}.{key}").known) for name, color in _colors(campaign).items()]
-        found.append(_histogram(key.replace("_", "-"), title, text, label, lines))
+        lines = [(n, color, campaign.quantity(f"{n}.{key}").known) for n, color in _colors(campaign).items()]
+        tick_s = 1.0 / campaign.scenario.rates.control_hz if key.endswith("_s") else None
+        found.append(_histogram(key.replace("_", "-"), title, text, label, lines, tick_s))
     return [picture for picture in found if picture is not None]
 
 
-def _histogram(key: str, title: str, text: str, label: str, lines: Sequence[Line]) -> Picture | None:
-    """Draw how often which values occur; None if there are none."""
-    shown = np.array([v for _, _, values in lines for v in values if np.isfinite(v)])
-    if not shown.size:
+def _histogram(
+    key: str, title: str, text: str, label: str, lines: Sequence[Line], tick_s: float | None = None
+) -> Picture | None:
+    """Draw how often which values occur, each kind on axes of its own; None if there are none. Times come in whole ticks."""
+    shown = [(name, color, [v for v in values if np.isfinite(v)]) for name, color, values in lines]
+    shown = [(name, color, values) for name, color, values in shown if values]
+    if not shown:
         return None
-    low, high = float(shown.min()), float(shown.max())
-    wide = low > 0.0 and high > 20.0 * low
-    pad = 0.5 * (abs(low) or 1.0) * 0.1 if high - low < 1e-9 * abs(high) or high == low else 0.0
-    edges = np.geomspace(low, high, _BINS + 1) if wide else np.linspace(low - pad, high + pad, _BINS + 1)
-    with drawing.canvas(1, height=2.2) as ((axis,), svg):
-        words = []
-        for name, color, values in lines:
-            happened = [v for v in values if np.isfinite(v)]
-            if happened:
-                axis.hist(happened, edges.tolist(), color=color, alpha=0.55, label=name)
-                axis.axvline(float(np.median(happened)), color=color, linewidth=1.4)
-            if values:
-                middle = (
-                    f"median {np.median(happened):.3g}, {min(happened):.3g} to {max(happened):.3g}, "
-                    if happened
-                    else ""
-                )
-                never = len(values) - len(happened)
-                words.append(f"{name}: {middle}{len(values)} flights{f', never in {never}' if never else ''}.")
-        if wide:
-            axis.set_xscale("log")
-        axis.set_xlabel(label)
-        axis.set_ylabel("flights")
-        drawing.legend(axis)
+    words = [f"{name}: {_range(values)}." for name, _, values in lines if values]
+    with drawing.canvas(len(shown), height=1.7, share_x=False) as (axes, svg):
+        for axis, (name, color, values) in zip(axes, shown, strict=True):
+            axis.hist(values, _edges(min(values), max(values), tick_s), color=color, alpha=0.6, label=name)
+            axis.axvline(float(np.median(values)), color=color, linewidth=1.6)
+            axis.set_axisbelow(True)
+            axis.set_ylabel("flights")
+            axis.locator_params(axis="y", integer=True)
+            axis.ticklabel_format(axis="x", useOffset=False)
+            drawing.legend(axis)
+        axes[-1].set_xlabel(label)
         return Picture(key, title, drawing.distinct(svg(), key), f"{text} A line marks the median.", " ".join(words))
+
+
+def _range(values: Sequence[float]) -> str:
+    happened = [v for v in values if np.isfinite(v)]
+    never = f", never in {len(values) - len(happened)}" if len(happened) < len(values) else ""
+    if not happened:
+        return f"never in {len(values)} flights"
+    return f"median {np.median(happened):.4g}, {min(happened):.4g} to {max(happened):.4g}, {len(values)} flights{never}"
+
+
+def _edges(low: float, high: float, tick_s: float | None) -> list[float]:
+    """Return the edges of the bins from a least to a largest value; of times, with whole ticks in their middle."""
+    if tick_s is None:
+        pad = 0.0 if high - low > 1e-9 * abs(high) else 0.05 * (abs(high) or 1.0)
+        edges: list[float] = np.linspace(low - pad, high + pad, _BINS + 1).tolist()
+        return edges
+    first, last = round(low / tick_s), round(high / tick_s)
+    each = (last - first) // _BINS + 1
+    return [(first - 0.5 + each * i) * tick_s for i in range((last - first) // each + 2)]
 
 
 def _histories(campaign: Campaign) -> list[Picture]:

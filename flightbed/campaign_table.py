@@ -16,7 +16,7 @@ from flightbed.units import unit_of
 Value = int | float | bool | str | None
 Row = Mapping[str, Value]
 
-NO_QUANTITIES = ("seed", "departed", "ended")
+NO_QUANTITIES = ("seed", "departed", "ended", "estimators_since_s")
 _EVENTS = ("first_within_20pct_s", "first_within_20pct_smoothed_s", "detected_at_s")  # None: it never happened
 
 

@@ -20,7 +20,7 @@ Vector = npt.NDArray[np.float64]
 REFERENCE, ACTUAL, COMMAND, TRUTH, FAILURE, OTHER = "#009e73", "#0072b2", "#e69f00", "#cc79a7", "#d55e00", "#777777"
 # Of the estimators, in the order in which a scenario names them (the muted palette of Paul Tol, but for the second).
 ESTIMATES = ("#332288", "#56b4e9", "#999933", "#882255", "#44aa99", "#8c510a")
-BUCKETS = 600  # about one a point of the width of a figure
+BUCKETS = 500  # about one a point of the width of a figure
 
 _RC: Any = {  # typed by matplotlib with a literal of all its names
     "svg.hashsalt": "flightbed", "svg.fonttype": "none", "font.family": "sans-serif", "font.size": 9.0, "axes.grid": True,
