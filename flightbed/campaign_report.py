@@ -14,7 +14,7 @@ from flightbed.campaign_table import Quantity
 from flightbed.card import correction, failures, flown, gusts, outcome
 from flightbed.document import Cell, Document, Listing, Picture, Section, Table, show
 from flightbed.ensemble import histories
-from flightbed.figures import mark_changes, pictures
+from flightbed.figures import MARGIN, mark_changes, pictures
 from flightbed.report import ESTIMATOR_METRICS, again
 from flightbed.units import unit_of
 
@@ -137,7 +137,9 @@ def _medians(campaign: Campaign) -> list[Table]:
                 rows.append([key, unit_of(key), _often(q), *around, len(q.known), q.never or None, _MEANINGS[key]])
         title = f"Estimator '{owner}'" if owner else "The flights"
         key = f"medians-{owner}" if owner else "medians"
-        tables.append(Table(key, title, columns, rows, dict.fromkeys(columns, ".3g"), "" if owner else note))
+        tables.append(
+            Table(key, title, columns, rows, dict.fromkeys(columns, ".3g" if owner else ".4g"), "" if owner else note)
+        )
     return tables
 
 
@@ -239,8 +241,8 @@ def _histories(campaign: Campaign) -> list[Picture]:
     def gain(axes: list[Axes]) -> str:
         words, truth = [], histories(flights, "effectiveness_true")[0]
         for axis, (name, color) in zip(axes, _colors(campaign).items(), strict=True):
+            drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.2, label="truth")
             mean, std = band(axis, f"{name}.effectiveness_smoothed", color, f"smoothed K of '{name}', mean, +-1 sigma")
-            drawing.line(axis, t, truth, color=drawing.TRUTH, label="truth")
             axis.set_ylim(-0.08, max(1.25, min(3.0, float(np.nanmax(mean[t > 0.3], initial=0.0)) + 0.1)))
             axis.set_ylabel("K")
             words.append(f"'{name}' ends at {mean[-1]:.3f} +- {std[-1]:.2g} (truth {truth[-1]:.3f}).")
@@ -259,7 +261,7 @@ def _histories(campaign: Campaign) -> list[Picture]:
 def _history(
     campaign: Campaign, key: str, title: str, rows: int, draw: Callable[[list[Axes]], str], text: str, end_s: float
 ) -> Picture:
-    with drawing.canvas(rows, height=1.8) as (axes, svg):
+    with drawing.canvas(rows, height=1.8, margin=MARGIN) as (axes, svg):
         facts = draw(axes)
         for axis in axes:
             mark_changes(axis, campaign.scenario, end_s, name=axis is axes[0])
@@ -271,6 +273,7 @@ def _history(
 
 def _worst(campaign: Campaign) -> Section:
     worst = campaign.worst
-    text = f"Seed {worst.summary['seed']}: {campaign.reason}. It {outcome(worst.summary)}."
+    stayed = f"; {outcome(worst.summary)}" if worst.summary["ended"] == "time" else ""
+    text = f"Seed {worst.summary['seed']}: {campaign.reason}{stayed}."
     listing = Listing("It flies again, with a report of its own, by", campaign.again)
     return Section("The worst flight", (text,), [listing, *pictures(worst, ("pitch-rate", "effectiveness"))])

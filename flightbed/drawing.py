@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Vector = npt.NDArray[np.float64]
 
@@ -20,6 +21,7 @@ Vector = npt.NDArray[np.float64]
 REFERENCE, ACTUAL, COMMAND, TRUTH, FAILURE, OTHER = "#009e73", "#0072b2", "#e69f00", "#cc79a7", "#d55e00", "#777777"
 # Of the estimators, in the order in which a scenario names them (the muted palette of Paul Tol, but for the second).
 ESTIMATES = ("#332288", "#56b4e9", "#999933", "#882255", "#44aa99", "#8c510a")
+_WIDTH = 8.0  # of figures, inches
 BUCKETS = 500  # about one a point of the width of a figure
 
 _RC: Any = {  # typed by matplotlib with a literal of all its names
@@ -33,7 +35,7 @@ _PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # a hun
 
 @contextmanager
 def canvas(
-    rows: int = 1, *, height: float = 2.6, share_x: bool = True
+    rows: int = 1, *, height: float = 2.6, share_x: bool = True, margin: float | None = None
 ) -> Iterator[tuple[list[Axes], Callable[[], str]]]:
     """Give the axes of a figure, one below the other, and a function that returns it as SVG.
 
@@ -41,16 +43,20 @@ def canvas(
         rows: how many axes.
         height: of each, inches; the figure is 8 inches wide.
         share_x: whether they share the x axis.
+        margin: what is left free for labels on the left, inches: the axes of several figures then lie below each other, and are
+            drawn faster; None fits it to the labels.
 
     """
     import matplotlib as mpl
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(_RC):
-        figure = Figure(figsize=(8.0, height * rows))
+    with mpl.rc_context({**_RC, "figure.constrained_layout.use": margin is None}):
+        figure = Figure(figsize=(_WIDTH, height * rows))
         FigureCanvasSVG(figure)
         axes = figure.subplots(rows, 1, sharex=share_x, squeeze=False)[:, 0].tolist()
+        if margin is not None:
+            _fix(figure, rows, margin)
 
         def svg() -> str:
             buffer = io.StringIO()
@@ -59,6 +65,15 @@ def canvas(
             return _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), text[text.index("<svg") :])
 
         yield axes, svg
+
+
+def _fix(figure: Figure, rows: int, margin: float) -> None:
+    """Lay out axes with fixed margins, inches; constrained layout draws everything twice to find them."""
+    above, below, between, height = 0.27, 0.43, 0.27, float(figure.get_figheight())
+    each = (height - above - below - between * (rows - 1)) / rows
+    figure.subplots_adjust(
+        left=margin / _WIDTH, right=0.99, bottom=below / height, top=1.0 - above / height, hspace=between / each
+    )
 
 
 def distinct(svg: str, key: str) -> str:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Vector = npt.NDArray[np.float64]
 
+MARGIN = 0.72  # left of the axes of histories, inches
 _NIS_SHOWN = 18.0  # three times the bound
 NIS_BOUND = 5.991464547107979  # chi-square with 2 degrees of freedom, 95 %: -2 ln 0.05
 
@@ -62,7 +63,7 @@ def _picture(key: str, figure: Figure, result: Result) -> Picture:
     from flightbed.document import Picture
 
     t = result.trace["t_s"]
-    with drawing.canvas(figure.rows(result), height=figure.height) as (axes, svg):
+    with drawing.canvas(figure.rows(result), height=figure.height, margin=MARGIN) as (axes, svg):
         facts = figure.draw(axes, result)
         for axis in axes:
             mark_changes(axis, result.plan.scenario, float(t[-1]), name=axis is axes[0])
@@ -158,10 +159,10 @@ def _effectiveness(axes: list[Axes], result: Result) -> str:
     for axis, name in zip(axes, trace.estimators, strict=True):
         color = color_of(result, name)
         raw, std, smoothed = (trace[f"{name}.effectiveness{c}"] for c in ("", "_std", "_smoothed"))
+        drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.4, label="truth")
         drawing.band(axis, t, raw - 2.0 * std, raw + 2.0 * std, color=color, alpha=0.18, label="+-2 sigma")
         drawing.line(axis, t, raw, color=color, linewidth=0.6, alpha=0.7, label=f"K-hat of '{name}'")
-        drawing.line(axis, t, smoothed, color=color, linewidth=1.5, label="smoothed")
-        drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=1.4, label="truth")
+        drawing.line(axis, t, smoothed, color=color, linewidth=1.3, label="smoothed")
         settled = np.concatenate([raw[t > 0.3], truth])
         settled = settled[np.isfinite(settled)]
         axis.set_ylim(max(-1.0, min(-0.08, settled.min() - 0.05)), min(3.0, max(1.25, settled.max() + 0.05)))

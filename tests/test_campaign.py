@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import re
 import shlex
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from rich.console import Console
 
 from flightbed import campaign as campaigns
 from flightbed import drawing
@@ -26,6 +28,7 @@ from flightbed.metrics import Metrics
 from flightbed.mission import run
 from flightbed.page import render
 from flightbed.scenario import load_scenario
+from flightbed.screen import campaign_lines
 from flightbed.statistics import median_interval, share
 from tests.command_line import flightbed
 from tests.test_page import assert_self_contained, assert_sound, words
@@ -222,12 +225,22 @@ def test_only_a_campaign_is_replaced_and_that_is_told_before_anything_flies(tmp_
 
 def test_on_the_command_line(tmp_path: Path) -> None:
     short = [text for o in ("duration_s=0.4", "failures.0.at_s=0.1") for text in ("--set", o)]
-    done = flightbed("campaign", "elevator-loss", "--runs", "2", "--workers", "1", *short, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "0 of 2 flights departed" in done.stdout
-    assert "again: flightbed run campaigns/elevator-loss/scenario.toml --set seed=" in done.stdout
-    assert max(map(len, done.stdout.splitlines())) <= 80
     done = flightbed("campaign", "elevator-loss", "--runs", "2", "--workers", "1", "--json", *short, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
-    assert told.pop("folder") == "campaigns/elevator-loss-2"
-    assert told == _summary(tmp_path / "campaigns" / "elevator-loss-2")
+    assert told.pop("folder") == "campaigns/elevator-loss"
+    assert told == _summary(tmp_path / "campaigns" / "elevator-loss")
+
+
+def test_what_a_terminal_shows(flown: Campaign) -> None:
+    screen = Console(width=80, record=True, file=io.StringIO())
+    for line in campaign_lines(flown, Path("campaigns/x")):
+        screen.print(line, soft_wrap=isinstance(line, str))
+    shown = screen.export_text()
+    assert max(map(len, shown.splitlines())) <= 80
+    assert f"0 of {RUNS} flights departed" in shown
+    seed = summary(flown)["worst"]["seed"]
+    assert f"again: flightbed run campaigns/x/scenario.toml --set seed={seed}\n" in shown
+    error = flown.quantity("scheduled.median_abs_error_post").median.estimate
+    (row,) = (line.split() for line in shown.splitlines() if line.startswith("  scheduled "))
+    assert row[1] == f"{error:.3g}"
