@@ -212,6 +212,10 @@ def _sigma(axes: list[Axes], result: Result) -> str:
         words.append(f"Bound: median {number(float(np.median(bound)), '.2g')}.")
     if any(np.any(np.asarray(line.get_ydata()) > 0.0) for line in axes[0].lines):
         axes[0].set_yscale("log")
+        axes[0].yaxis.set_major_formatter(
+            "{x:g}"
+        )  # powers of ten would be set by the mathematics of matplotlib: slow to load
+        axes[0].yaxis.set_minor_formatter("")
     axes[0].set_ylim(top=3.0)
     axes[0].set_ylabel("sigma of K")
     return " ".join(words)

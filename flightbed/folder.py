@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from flightbed.card import events, run_card
 from flightbed.errors import OutputError
+from flightbed.pacing import heap_set_aside
 
 if TYPE_CHECKING:
     from flightbed.campaign import Campaign
@@ -64,10 +65,7 @@ def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replac
         if rerun:
             _record(result, new / "flight.rrd")
         if report:
-            from flightbed.page import render
-            from flightbed.report import run_report  # draws: slow to import
-
-            (new / "report.html").write_text(render(run_report(result)), encoding="utf-8")
+            (new / "report.html").write_text(_page(result), encoding="utf-8")
 
     return _write(target, write, replace=replace)
 
@@ -147,6 +145,14 @@ def _replace(target: Path, new: Path, old: Path) -> None:
     finally:
         if old.exists() and not target.exists():
             old.rename(target)
+
+
+def _page(result: Result) -> str:
+    with heap_set_aside():  # drawing makes many objects: without this, looking for garbage takes as long as the drawing
+        from flightbed.page import render
+        from flightbed.report import run_report  # slow to import
+
+        return render(run_report(result))
 
 
 def _record(result: Result, path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from flightbed.card import correction, events, failures, flown, gusts, kept_pace, outcome
 from flightbed.document import Cell, Document, Listing, Section, Table
-from flightbed.figures import number, pictures
+from flightbed.figures import pictures
 from flightbed.short_period import ShortPeriod
 
 if TYPE_CHECKING:
@@ -210,6 +210,3 @@ def again(toml: str, override: str, versions: dict[str, str]) -> Section:
 
 def _pairs(key: str, title: str, rows: Sequence[Sequence[Cell]]) -> Table:
     return Table(key, title, ("", ""), rows)
-
-
-__all__ = ["ESTIMATOR_METRICS", "again", "headline", "number", "run_report"]
