@@ -24,6 +24,7 @@ figcaption { font-size: .92rem; } figcaption b { display: block; }
 .yes { border-color: #009e73; } .no { border-color: #d55e00; }
 .open { border-color: #999; }
 .lead p:first-child { font-size: 1.12rem; margin-top: 0; } .lead { border-bottom: 1px solid #ccd; margin-bottom: 1rem; }
+.lead td:first-child { white-space: nowrap; }
 .listing { font-weight: 600; margin: 1rem 0 .3rem; font-size: .9rem; }
 pre { background: #f6f7f9; padding: .6rem .8rem; font: .78rem/1.45 ui-monospace, monospace; }
 pre { white-space: pre-wrap; overflow-wrap: anywhere; }
