@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from flightbed import registry
 from flightbed.aircraft import Actuator
+from flightbed.consistency import idle_keys
 from flightbed.metrics import at_stop
 from flightbed.pacing import Spell, late_spells
 from flightbed.settings import Failure, GustSettings, Scenario
 from flightbed.trace import Trace
+from flightbed.units import unit_of
 
 _MANY = 10  # spells of late ticks that the event log tells one by one
 
@@ -33,7 +36,7 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
         f"- tracking RMS: {_show(summary['tracking_rms_pre_deg_s'], '.2f')} deg/s before, "
         f"{_show(summary['tracking_rms_post_deg_s'], '.2f')} deg/s from 0.3 s after the failure\n{pace}\n"
         f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
-        f"- gusts: {'; '.join(f'at {g.at_s:g} s {_blows(g)}' for g in scenario.gusts) or 'none'}\n\n"
+        f"- gusts: {'; '.join(gusts(scenario)) or 'none'}\n\n"
         f"| estimator | median abs. error | smoothed RMS error "
         f"| first within 20 %, s | mean NIS (2) |\n|---|---|---|---|---|\n{estimators}\n"
         f"flightbed {summary['versions']['flightbed']}, JSBSim {summary['versions']['jsbsim']}\n"
@@ -50,6 +53,62 @@ def plan_card(scenario: Scenario) -> str:
         f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
         f"- gusts: {'; '.join(f'at {g.at_s:g} s {_blows(g)}' for g in scenario.gusts) or 'none'}\n"
     )
+
+
+def flown(scenario: Scenario, aircraft: str) -> list[tuple[str, str]]:
+    """Return in words what flew: (what, how) of aircraft, condition, command, law, sensors, air and seed.
+
+    Args:
+        scenario: what flew.
+        aircraft: its name.
+
+    """
+    condition, sensors, rates, noise = scenario.condition, scenario.sensors, scenario.rates, scenario.process_noise
+    shift = scenario.aircraft.cg_shift_cbar
+    climb = f", flight path {condition.gamma_deg:+g} deg" if condition.gamma_deg else ""
+    biases = {
+        "alpha bias {:g} deg": sensors.alpha_bias_deg,
+        "q bias {:g} deg/s": sensors.q_bias_deg_s,
+        "Mach error {:.2%}": sensors.mach_error,
+    }
+    late = f", commands {rates.delay_ticks} ticks late" if rates.delay_ticks else ""
+    unknown = {k: v for k, v in scenario.model_error.model_dump().items() if v != (1.0 if k.startswith("cm_") else 0.0)}
+    rows = [
+        ("aircraft", aircraft + (f", c.g. {shift:+.1%} of the chord, aft positive" if shift else "")),
+        ("condition", f"Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft{climb}"),
+        ("command", command(scenario)),
+        ("law", f"{scenario.control.law}, {correction(scenario)}"),
+        ("rates", f"control {rates.control_hz} Hz, plant {rates.plant_hz} Hz{late}"),
+        ("sensors", "; ".join([
+            f"white noise of alpha {sensors.alpha_std_deg:g} deg, of q {sensors.q_std_deg_s:g} deg/s",
+            *(text.format(value) for text, value in biases.items() if value),
+        ])),
+        ("air", f"turbulence {scenario.atmosphere.turbulence}; gusts {'; '.join(gusts(scenario)) or 'none'}"),
+        ("failures", "; ".join(failures(scenario)) or "none"),
+        ("seed", str(scenario.seed)),
+    ]  # fmt: skip
+    if noise.alpha_std_deg_s or noise.q_std_deg_s2:
+        rows.append(("process noise", f"{noise.alpha_std_deg_s:g} deg/s, {noise.q_std_deg_s2:g} deg/s^2"))
+    if unknown:
+        rows.append(("unknown on board", ", ".join(f"{key} {value:g}" for key, value in unknown.items())))
+    return rows
+
+
+def command(scenario: Scenario) -> str:
+    """Return in words what the pilot asks for: the kind and every key that it uses, of code outside flightbed every key that is set."""
+    idle, asked = idle_keys(scenario), scenario.command
+    used = asked.model_dump(exclude={"kind", "filter_rad_s", "options"})
+    if registry.is_built_in("commands", asked.kind):
+        used = {k: v for k, v in used.items() if f"command.{k}" not in idle}
+    else:
+        used = {k: v for k, v in used.items() if k in asked.model_fields_set} | dict(asked.options)
+    suffixes = {"deg/s": "_deg_s", "s": "_s", "Hz": "_hz"}
+    words = [asked.kind]
+    for key, value in used.items():
+        unit = unit_of(key) if unit_of(key) in suffixes else ""
+        shown = f"{value:g}" if isinstance(value, float) else str(value)
+        words.append(f"{key.removesuffix(suffixes.get(unit, '')).replace('_', ' ')} {shown} {unit}".strip())
+    return f"{', '.join(words)}; prefilter {asked.filter_rad_s:g} rad/s"
 
 
 def correction(scenario: Scenario) -> str:
@@ -86,6 +145,11 @@ def kept_pace(summary: dict[str, Any]) -> str:
 def failures(scenario: Scenario) -> list[str]:
     """Return the failures of a scenario in words."""
     return [f"at {f.at_s:g} s {_happens(f)}" for f in scenario.failures]
+
+
+def gusts(scenario: Scenario) -> list[str]:
+    """Return the gusts of a scenario in words."""
+    return [f"at {g.at_s:g} s {_blows(g)}" for g in scenario.gusts]
 
 
 def _happens(failure: Failure) -> str:

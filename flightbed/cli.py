@@ -15,7 +15,6 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import App, CycloptsError, Parameter
 from rich.console import Console, RenderableType
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from flightbed.errors import FlightbedError, InputError, OutputError
 
@@ -78,10 +77,11 @@ def run(
     use: Annotated[list[str] | None, Parameter(negative="", show_default=False)] = None,
     rerun: Literal["save", "live", "off"] = "save",
     viewer: Annotated[str | None, Parameter(show_default=False)] = None,
+    report: Literal["save", "off"] = "save",
     realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
 ) -> None:
-    """Fly one scenario and leave a folder with scenario, trace, metrics and Rerun recording.
+    """Fly one scenario and leave a folder with scenario, trace, metrics, Rerun recording and report.
 
     Args:
         scenario: A shipped name (see `flightbed list scenarios`) or the path of a TOML file.
@@ -91,6 +91,7 @@ def run(
             repeat --use for each.
         rerun: save writes the Rerun recording; live shows the flight in the viewer too, while it flies.
         viewer: HOST:PORT of the viewer that live shows it in; without it one on this computer, opened if there is none.
+        report: Whether to write the report, a page with figures.
         realtime: Fly at the pace of the clock, and tell how well it was kept.
         json: Print what metrics.json holds, and the folder, as JSON and nothing else on stdout.
 
@@ -109,7 +110,8 @@ def run(
         check_named(settings, use or ())
         place = out if out is not None else Path("runs") / settings.name
         pace = WallClock() if realtime else None
-        result = fly(settings, place, rerun=rerun != "off", replace=out is not None, pace=pace, live=live)
+        parts = {"rerun": rerun != "off", "report": report == "save"}
+        result = fly(settings, place, **parts, replace=out is not None, pace=pace, live=live)
     if json:
         print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))
     else:
@@ -283,6 +285,44 @@ def _deliver(content: bytes, output: Path | None) -> None:
 
 
 @app.command
+def campaign(
+    scenario: str,
+    /,
+    *,
+    runs: int = 100,
+    workers: Annotated[int | None, Parameter(show_default=False)] = None,
+    out: Path | None = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set", negative="", show_default=False)] = None,
+    json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+) -> None:
+    """Fly one scenario with successive seeds, from its own on, and leave a folder with table, summary and report.
+
+    Args:
+        scenario: A shipped name (see `flightbed list scenarios`) or the path of a TOML file.
+        runs: Flights.
+        workers: Processes that fly, all cores without it; the results do not depend on it.
+        out: Folder to write; an earlier campaign in it is replaced. Without it: campaigns/NAME, or campaigns/NAME-2, ... if that exists.
+        set_: KEY=VALUE, replaces one key of the scenario, as in --set failures.0.to=0.35; repeat --set for each key.
+        json: Print what summary.json holds, and the folder, as JSON and nothing else on stdout.
+
+    """
+    from flightbed import campaign as campaigns
+    from flightbed.scenario import load_scenario
+    from flightbed.screen import campaign_lines, progress_bar
+
+    settings = load_scenario(scenario, set_ or ())
+    place = out if out is not None else Path("campaigns") / settings.name
+    with progress_bar() as progress:
+        flown, written = campaigns.run(
+            settings, place, runs=runs, workers=workers, replace=out is not None, progress=progress
+        )
+    if json:
+        print(json_module.dumps({**campaigns.summary(flown), "folder": str(written)}, indent=2))
+    else:
+        _print(campaign_lines(flown, written))
+
+
+@app.command
 def reproduce(
     study: str,
     /,
@@ -303,6 +343,7 @@ def reproduce(
 
     """
     from flightbed import ensemble, folder, registry
+    from flightbed.screen import progress_bar, study_lines
     from flightbed.studies.base import reproduce as recompute
 
     chosen = registry.factory("studies", study)()
@@ -311,23 +352,12 @@ def reproduce(
             raise InputError(f"{option}: must be at least 1 (got {value})")
     place = out if out is not None else Path("studies") / study
     target = folder.check_target(place, replace=out is not None, files=folder.STUDY_FILES)
-    screen = Console(stderr=True)
-    columns = (TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    bar = Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
-    with bar, ensemble.processes(workers) as executor:
-        task = bar.add_task("", total=None)
-        document = recompute(
-            chosen,
-            runs or chosen.runs,
-            executor=executor,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
-        )
+    with progress_bar() as progress, ensemble.processes(workers) as executor:
+        document = recompute(chosen, runs or chosen.runs, executor=executor, progress=progress)
     written = folder.write_study(document, target, replace=out is not None)
     if json:
         print(json_module.dumps({**document.to_dict(), "folder": str(written)}, indent=2))
     else:
-        from flightbed.screen import study_lines
-
         _print(study_lines(document, written))
 
 

@@ -1,8 +1,8 @@
-"""What a report is made of: sections of text, tables, claims and pictures; plain values, to be printed, saved or laid out on a page."""
+"""What a report is made of: sections of text, tables, claims, pictures, listings; plain values, to be printed, saved or laid out."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any
@@ -79,36 +79,60 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Listing:
+    """Text that is shown as it is, line by line: a file, commands."""
+
+    title: str
+    text: str
+
+
+Item = Table | Claim | Picture | Listing
+
+
+@dataclass(frozen=True)
 class Section:
     """A heading, paragraphs, and what belongs to it."""
 
     heading: str
     text: Sequence[str] = ()
-    items: Sequence[Table | Claim | Picture] = ()
+    items: Sequence[Item] = ()
 
 
 @dataclass(frozen=True)
 class Document:
-    """A whole report; ``facts`` are values about it as a whole (versions, settings, time)."""
+    """A whole report.
+
+    Attributes:
+        title: what it is about.
+        sections: its parts, in order.
+        facts: values about it as a whole: versions, settings, time.
+        lead: what a reader should see first, before the contents; its heading is not shown.
+
+    """
 
     title: str
     sections: Sequence[Section]
     facts: Mapping[str, Any]
+    lead: Section = Section("")
 
     def tables(self) -> list[Table]:
         """Return all tables, in order."""
-        return [item for section in self.sections for item in section.items if isinstance(item, Table)]
+        return [item for item in self._items() if isinstance(item, Table)]
 
     def claims(self) -> list[Claim]:
         """Return all claims, in order."""
-        return [item for section in self.sections for item in section.items if isinstance(item, Claim)]
+        return [item for item in self._items() if isinstance(item, Claim)]
 
     def pictures(self) -> list[Picture]:
         """Return all figures, in order."""
-        return [item for section in self.sections for item in section.items if isinstance(item, Picture)]
+        return [item for item in self._items() if isinstance(item, Picture)]
+
+    def _items(self) -> Iterator[Item]:
+        for section in (self.lead, *self.sections):
+            yield from section.items
 
     def to_dict(self) -> dict[str, Any]:
-        """Return nested plain values, ready for JSON: every number, no drawing."""
+        """Return nested plain values, ready for JSON: every number; no drawing and no listing."""
         return {
             **self.facts,
             "tables": {

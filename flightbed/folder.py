@@ -1,4 +1,4 @@
-"""Folders of runs and of studies: written whole or not at all."""
+"""Folders of runs, of campaigns and of studies: written whole or not at all."""
 
 from __future__ import annotations
 
@@ -6,27 +6,30 @@ import errno
 import json
 import os
 import tempfile
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flightbed.card import events, run_card
 from flightbed.errors import OutputError
+from flightbed.pacing import heap_set_aside
 
 if TYPE_CHECKING:
+    from flightbed.campaign import Campaign
     from flightbed.comparison import Run
     from flightbed.document import Document
     from flightbed.mission import Result
     from flightbed.telemetry.shown import Shown
 
 RUN_FILES = frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"})
+CAMPAIGN_FILES = frozenset({"scenario.toml", "table.parquet", "summary.json", "report.html"})
 STUDY_FILES = frozenset({"report.html", "results.json"})
 COMPARISON_FILES = frozenset({"comparison.rrd", "comparison.json", "report.html"})
-_KINDS = {RUN_FILES: "run", STUDY_FILES: "study", COMPARISON_FILES: "comparison"}
+_KINDS = {RUN_FILES: "run", CAMPAIGN_FILES: "campaign", STUDY_FILES: "study", COMPARISON_FILES: "comparison"}
 
 
-def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FILES) -> Path:
+def check_target(target: Path, *, replace: bool, files: frozenset[str] = RUN_FILES) -> Path:
     """Refuse a target that would lose something, and one that cannot be written, before flying.
 
     Args:
@@ -44,9 +47,8 @@ def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FI
         if replace and target.is_dir():
             strangers = sorted(p.name for p in target.iterdir() if p.name not in files)
             if strangers:
-                kind = _KINDS.get(frozenset(files), "run")
                 raise OutputError(
-                    f"--out {target}: holds '{strangers[0]}', which is not from a {kind}; name a new folder"
+                    f"--out {target}: holds '{strangers[0]}', which is not from a {_KINDS[files]}; name a new folder"
                 )
         parent = next(p for p in target.absolute().parents if p.exists())
         tempfile.TemporaryDirectory(dir=parent, prefix=".flightbed-").cleanup()
@@ -55,8 +57,8 @@ def check_target(target: Path, *, replace: bool, files: Collection[str] = RUN_FI
     return target
 
 
-def write_run(result: Result, target: Path, *, rerun: bool, replace: bool) -> Path:
-    """Write the folder of a run; returns where it went."""
+def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replace: bool) -> Path:
+    """Write the folder of a run, with a recording and a report if asked for; returns where it went."""
 
     def write(new: Path) -> None:
         (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
@@ -64,6 +66,24 @@ def write_run(result: Result, target: Path, *, rerun: bool, replace: bool) -> Pa
         result.trace.write(new / "trace.parquet")
         if rerun:
             _record(result, new / "flight.rrd")
+        if report:
+            (new / "report.html").write_text(_page(result), encoding="utf-8")
+
+    return _write(target, write, replace=replace)
+
+
+def write_campaign(campaign: Campaign, target: Path, *, replace: bool) -> Path:
+    """Write the folder of a campaign: scenario, table, summary, report; returns where it went."""
+    from flightbed.campaign import summary
+    from flightbed.campaign_report import campaign_report
+    from flightbed.campaign_table import write_table
+    from flightbed.page import render
+
+    def write(new: Path) -> None:
+        (new / "scenario.toml").write_text(campaign.scenario.to_toml(), encoding="utf-8")
+        (new / "summary.json").write_text(_json(summary(campaign)), encoding="utf-8")
+        (new / "report.html").write_text(render(campaign_report(campaign)), encoding="utf-8")
+        write_table(campaign.rows, new / "table.parquet")
 
     return _write(target, write, replace=replace)
 
@@ -141,6 +161,14 @@ def _replace(target: Path, new: Path, old: Path) -> None:
     finally:
         if old.exists() and not target.exists():
             old.rename(target)
+
+
+def _page(result: Result) -> str:
+    with heap_set_aside():  # drawing makes many objects: without this, looking for garbage takes as long as the drawing
+        from flightbed.page import render
+        from flightbed.report import run_report  # slow to import
+
+        return render(run_report(result))
 
 
 def _record(result: Result, path: Path) -> None:

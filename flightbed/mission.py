@@ -66,11 +66,12 @@ def run(
     out: str | Path | None = None,
     *,
     rerun: bool = True,
+    report: bool = True,
     replace: bool = True,
     pace: Clock | None = None,
     live: Live | None = None,
 ) -> Result:
-    """Fly a scenario; with ``out``, leave a folder with scenario, trace, metrics and recording.
+    """Fly a scenario; with ``out``, leave a folder with scenario, trace, metrics, recording and report.
 
     Nothing is left behind when the flight is interrupted.
 
@@ -78,6 +79,7 @@ def run(
         scenario: what to fly.
         out: folder to write; None writes nothing.
         rerun: whether the folder gets a Rerun recording.
+        report: whether it gets a report page.
         replace: an ``out`` that holds an earlier run is replaced, whole, once the flight is done, and any other folder
             that is not empty is refused; if false, the first free one of OUT, OUT-2, OUT-3, ... is taken instead.
         pace: clock that the ticks keep to, ``flightbed.WallClock()`` for real time; the trace then has the columns of
@@ -99,7 +101,9 @@ def run(
         trace, metrics = _measured(planned, trace)
         result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall))
         if target is not None:
-            result = dataclasses.replace(result, folder=write_run(result, target, rerun=rerun, replace=replace))
+            result = dataclasses.replace(
+                result, folder=write_run(result, target, rerun=rerun, report=report, replace=replace)
+            )
         if live is not None:
             flown = shown(result)
             live.finish(flown.card, flown.planned)

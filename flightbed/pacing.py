@@ -92,7 +92,7 @@ def paced(samples: Iterable[T], *, control_hz: int, clock: Clock, record: Callab
 
     """
     source = iter(samples)
-    with _heap_set_aside():
+    with heap_set_aside():
         start = clock.now_ns()
         for tick in count():
             due, deadline = (start + k * _NS // control_hz for k in (tick, tick + 1))
@@ -120,7 +120,8 @@ def _wait_until(due_ns: int, clock: Clock) -> int:
 
 
 @contextmanager
-def _heap_set_aside() -> Iterator[None]:
+def heap_set_aside() -> Iterator[None]:
+    """Let garbage collections pass over all that is there by now: looking through the imported libraries takes long."""
     if gc.get_freeze_count():  # somebody else's business
         yield
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from html import escape
 
-from flightbed.document import Cell, Claim, Document, Picture, Section, Table
+from flightbed.document import Cell, Claim, Document, Listing, Picture, Section, Table
 
 _STYLE = """
 :root { color-scheme: light; }
@@ -23,6 +23,13 @@ figcaption { font-size: .92rem; } figcaption b { display: block; }
 .claim { border-left: 4px solid; padding: .2rem .8rem; margin: .8rem 0; break-inside: avoid; }
 .yes { border-color: #009e73; } .no { border-color: #d55e00; }
 .open { border-color: #999; }
+.lead p:first-child { font-size: 1.12rem; margin-top: 0; } .lead { border-bottom: 1px solid #ccd; margin-bottom: 1rem; }
+.lead td:first-child { white-space: nowrap; }
+.listing { font-weight: 600; margin: 1rem 0 .3rem; font-size: .9rem; }
+pre { background: #f6f7f9; padding: .6rem .8rem; font: .78rem/1.45 ui-monospace, monospace; }
+pre { white-space: pre-wrap; overflow-wrap: anywhere; }
+pre.long { columns: 2; }
+@media print { pre { background: none; border: 1px solid #ccd; } }
 @media print { body { max-width: none; margin: 0; font-size: 11px; } nav { display: none; } }
 """
 
@@ -37,7 +44,7 @@ def render(document: Document) -> str:
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
         f'<link rel="icon" href="data:,"><title>{escape(document.title)}</title><style>{_STYLE}</style></head>\n'
-        f"<body><h1>{escape(document.title)}</h1><nav>{contents}</nav>{body}"
+        f"<body><h1>{escape(document.title)}</h1>{_lead(document.lead)}<nav>{contents}</nav>{body}"
         f"<h2>How it was made</h2><table>{facts}</table></body></html>\n"
     )
 
@@ -47,10 +54,17 @@ def _fact(value: object) -> str:
 
 
 def _section(number: int, section: Section) -> str:
+    return f'<h2 id="s{number}">{escape(section.heading)}</h2>{_inside(section)}\n'
+
+
+def _lead(section: Section) -> str:
+    inside = _inside(section)
+    return f'<div class="lead">{inside}</div>' if inside else ""
+
+
+def _inside(section: Section) -> str:
     text = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in section.text)
-    return (
-        f'<h2 id="s{number}">{escape(section.heading)}</h2>{text}{"".join(_DRAW[type(i)](i) for i in section.items)}\n'
-    )
+    return text + "".join(_DRAW[type(item)](item) for item in section.items)
 
 
 def _table(table: Table) -> str:
@@ -88,4 +102,10 @@ def _picture(picture: Picture) -> str:
     )
 
 
-_DRAW: dict[type, Callable[..., str]] = {Table: _table, Claim: _claim, Picture: _picture}
+def _listing(listing: Listing) -> str:
+    kind = ' class="long"' if listing.text.count("\n") > _LONG else ""
+    return f'<p class="listing">{escape(listing.title)}</p><pre{kind}>{escape(listing.text)}</pre>'
+
+
+_LONG = 40  # lines of a listing that is set in two columns
+_DRAW: dict[type, Callable[..., str]] = {Table: _table, Claim: _claim, Picture: _picture, Listing: _listing}

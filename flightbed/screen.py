@@ -1,24 +1,40 @@
-"""What the command line shows: results -> lines and tables for a terminal; prints nothing."""
+"""What the command line shows: results -> lines and tables for a terminal, and a bar while they are flown."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import RenderableType
+from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from flightbed.card import correction, failures, kept_pace, outcome
+from flightbed.document import Table as Rows
 from flightbed.document import show
+from flightbed.statistics import Interval
 
 if TYPE_CHECKING:
+    from flightbed.campaign import Campaign
     from flightbed.comparison import Run
     from flightbed.document import Document
     from flightbed.mission import Result
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[int, int], None]]:
+    """Show on stderr, if that is a terminal, how many of how many flights are done; gives the function to tell it by."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    screen = Console(stderr=True)
+    columns = (TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def run_lines(result: Result) -> Iterator[RenderableType]:
@@ -101,6 +117,27 @@ def _estimates(summary: dict[str, Any]) -> Table:
 
 def _number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
     return "-" if value is None else format(value, spec) + unit
+
+
+def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType]:
+    """Tell how the flights of a campaign went: how many departed, the medians, the worst, and where the rest is."""
+    from flightbed.campaign_report import lead
+
+    told, seed = lead(campaign), campaign.worst.summary["seed"]
+    yield Text.from_markup(f"[bold]{campaign.scenario.name}[/bold]: {escape(campaign.scenario.description)}")
+    for paragraph in told.text:
+        yield Padding(escape(paragraph), (0, 2))
+    for table in told.items:
+        if isinstance(table, Rows):
+            grid = Table(box=None, header_style="dim", padding=(0, 1))
+            for column in table.columns:
+                grid.add_column(escape(column), no_wrap=column == "estimator")
+            for row in table.rows:
+                medians = [cell.estimate if isinstance(cell, Interval) else cell for cell in row]
+                grid.add_row(*(escape(cell) for cell in table.shown(medians)))
+            yield Padding(grid, (0, 1))
+    yield f"  again: flightbed run {escape(str(written))}/scenario.toml --set seed={seed}"
+    yield f"  {len(campaign.flights)} flights in {campaign.wall_time_s:.1f} s; written to {escape(str(written))}"
 
 
 def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:

@@ -65,6 +65,11 @@ class Checked:
     detected_after_s: float | None
 
 
+_INNOVATIONS = tuple(name for name in Estimate._fields if name.startswith("innovation_"))
+_MAY_BE_NAN = {"nis", *_INNOVATIONS}
+_NOT_NEGATIVE = ("effectiveness_std", "nis", *(name for name in _INNOVATIONS if "_std_" in name))
+
+
 class ContractError(AssertionError):
     """An estimator breaks its contract; ``str()`` has a line for each way.
 
@@ -90,8 +95,8 @@ def check_estimator(
 
     - it can be built, and has ``update(measurement)``;
     - ``update`` raises nothing and returns an ``Estimate`` of finite floats. Before the bounds, ``effectiveness_raw`` may be any
-      finite number; ``nis`` may be nan at ticks that have no innovation, as the first of a filter;
-    - ``effectiveness`` lies within ``settings.bounds``, ``effectiveness_std`` and ``nis`` are not negative, ``alarms`` never fall;
+      finite number; ``nis`` and the innovations may be nan at ticks that have none, as the first of a filter;
+    - ``effectiveness`` lies within ``settings.bounds``, ``nis`` and all standard deviations are not negative, ``alarms`` never fall;
     - two of them that are fed the same readings say the same to the last bit, alone or by turns with a third on another flight: no
       state is shared, and what is random is drawn from a generator of their own with a fixed seed;
     - their memory does not grow in flight, after the first 40 s and ``settings.window``;
@@ -231,7 +236,7 @@ class _Findings:
             if not isinstance(value, float) and not (name == "alarms" and type(value) is int):
                 self.add(name, f"is a {type(value).__name__} {where}", "make it a plain number, float(x)")
                 whole = False
-            elif not isfinite(value) and not (name == "nis" and value != value):
+            elif not isfinite(value) and not (name in _MAY_BE_NAN and value != value):
                 self.add(name, f"is {value} {where}", "give a finite number, however large its std")
                 whole = False
         if not whole:
@@ -243,8 +248,8 @@ class _Findings:
                 f"is {estimate.effectiveness:g} {where}, outside settings.bounds [{low:g}, {high:g}]",
                 "clip it; effectiveness_raw is what it was before",
             )
-        for name, value in (("effectiveness_std", estimate.effectiveness_std), ("nis", estimate.nis)):
-            if value < 0.0:
+        for name in _NOT_NEGATIVE:
+            if (value := getattr(estimate, name)) < 0.0:
                 self.add(name, f"is {value:g} {where}", "it cannot be negative")
         if estimate.alarms < self._alarms:
             self.add("alarms", f"fall from {self._alarms:g} to {estimate.alarms:g} {where}", "count all alarms so far")

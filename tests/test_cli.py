@@ -23,7 +23,7 @@ def test_run_says_what_happened_and_leaves_a_folder(tmp_path: Path) -> None:
     shown = [line.rstrip() for line in done.stdout.splitlines()]
     assert max(len(line) for line in shown[:-1]) <= 80, shown  # readable in a plain terminal; the path may be long
     assert sorted(p.name for p in (tmp_path / "runs/elevator-loss-fixed").iterdir()) == [
-        "flight.rrd", "metrics.json", "scenario.toml", "trace.parquet",
+        "flight.rrd", "metrics.json", "report.html", "scenario.toml", "trace.parquet",
     ]  # fmt: skip
 
 
@@ -34,12 +34,13 @@ def test_a_reader_that_goes_away_is_no_failure(tmp_path: Path) -> None:
 
 
 def test_json_is_alone_on_stdout(tmp_path: Path) -> None:
-    done = flightbed("run", "nominal", "--set", "duration_s=1", "--rerun", "off", "--json", "--out", "x", cwd=tmp_path)
+    options = ("--rerun", "off", "--report", "off", "--json")
+    done = flightbed("run", "nominal", "--set", "duration_s=1", *options, "--out", "x", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     printed = json.loads(done.stdout)
     assert printed.pop("folder") == "x"
     assert printed == json.loads((tmp_path / "x" / "metrics.json").read_text())
-    assert not (tmp_path / "x" / "flight.rrd").exists()
+    assert {p.name for p in (tmp_path / "x").iterdir()} == {"metrics.json", "scenario.toml", "trace.parquet"}
 
 
 def test_list_names_everything_with_a_line_each(tmp_path: Path) -> None:
@@ -57,6 +58,12 @@ def test_list_names_everything_with_a_line_each(tmp_path: Path) -> None:
         (["run"], 2, "requires an argument"),
         (["run", "nominal", "--ot", "x"], 2, "Unknown option"),
         (["run", "nominal", "--rerun", "lve"], 2, "Invalid value"),
+        (["run", "nominal", "--report", "lve"], 2, "Invalid value"),
+        (["campaign", "nominal", "--runs", "0"], 2, "--runs: must be at least 1 (got 0)"),
+        (["campaign", "nominal", "--workers", "0"], 2, "--workers: must be at least 1 (got 0)"),
+        (["campaign", "nominl"], 2, "unknown scenario 'nominl'"),
+        (["campaign", "nominal", "--set", "seed=9223372036854775800"], 2, "seed: must be at most 9223372036854775708 with 100 flights"),
+        (["campaign", "nominal", "--out", "."], 2, "--out .: is the folder you are in"),
         (["fly"], 2, "Unknown command"),
         (["list", "planes"], 2, "Invalid value"),
         (["run", "nominal", "--set", "sede=1"], 2, "unknown key sede; did you mean seed?"),
@@ -125,7 +132,9 @@ def test_view_without_a_display_says_what_to_do(tmp_path: Path) -> None:
         [*COMMAND, "view", "x"], capture_output=True, text=True, check=False, cwd=tmp_path, env=environment
     )
     assert done.returncode == 2
-    assert "there is no display for the viewer; copy x/flight.rrd" in done.stderr
+    assert (
+        "there is no display for the viewer; write a picture, --picture FILE.png, or copy x/flight.rrd" in done.stderr
+    )
     assert len(done.stderr.splitlines()) == 1
 
 

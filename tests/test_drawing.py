@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 
 from flightbed import drawing
@@ -76,10 +77,30 @@ def test_distinct_leaves_colours_and_all_else_alone() -> None:
     svg = draw()
     ours = drawing.distinct(svg, "3-11")
     colours = Counter(COLOURS.findall(svg))
-    assert {"#ffffff", "#0072b2", "#d55e00"} <= set(colours)
+    assert {"#ffffff", drawing.ACTUAL, drawing.FAILURE} <= set(colours)
     assert Counter(COLOURS.findall(ours)) == colours
     taken_out = ours.replace('id="3-11-', 'id="').replace("url(#3-11-", "url(#").replace('href="#3-11-', 'href="#')
     assert taken_out == svg
+
+
+@pytest.mark.parametrize("n", [1, 7, 1000, 1001, 60000])
+def test_a_thinned_history_keeps_what_can_be_seen(n: int, rng: np.random.Generator) -> None:
+    t, values = np.arange(n) / 100.0, rng.standard_normal(n)
+    values[rng.integers(n)] = 50.0
+    values[n // 2] = np.inf
+    at, kept = drawing.thin(t, values)
+    finite = values[np.isfinite(values)]
+    assert len(at) == len(kept) <= 2 * drawing.BUCKETS
+    assert np.all(np.diff(at) > 0.0)
+    assert not np.isinf(kept).any()
+    if finite.size:
+        assert (np.nanmin(kept), np.nanmax(kept)) == (finite.min(), finite.max())
+    if n <= 2 * drawing.BUCKETS:
+        assert np.array_equal(at, t)
+    at, below, above = drawing.envelope(t, values - 1.0, values + 1.0)
+    assert len(at) == len(below) == len(above) <= drawing.BUCKETS or n <= drawing.BUCKETS
+    if finite.size:
+        assert (np.nanmin(below), np.nanmax(above)) == (finite.min() - 1.0, finite.max() + 1.0)
 
 
 def test_a_failure_that_is_not_is_not_drawn() -> None:

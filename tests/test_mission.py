@@ -250,6 +250,7 @@ def test_the_folder_holds_what_the_contract_says(flown: Result) -> None:
     assert sorted(p.name for p in flown.folder.iterdir()) == [
         "flight.rrd",
         "metrics.json",
+        "report.html",
         "scenario.toml",
         "trace.parquet",
     ]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from html import escape
 from html.parser import HTMLParser
 
 import pytest
 
-from flightbed.document import Claim, Document, Picture, Section, Table
+from flightbed.document import Claim, Document, Listing, Picture, Section, Table
 from flightbed.drawing import distinct
 from flightbed.page import render
 from flightbed.statistics import Interval, Spread, outcome
@@ -74,7 +75,7 @@ def test_a_tag_that_is_not_closed_would_be_seen() -> None:
     assert _Page("<p><b>x</b>").open == ["p"]
 
 
-def test_nothing_is_loaded_and_nothing_runs(page: str) -> None:
+def assert_self_contained(page: str) -> None:
     """Every address is inside the page or data; the only http: are names of XML namespaces and metadata."""
     elements = _Page(page).elements
     assert {tag for tag, _ in elements}.isdisjoint({"script", "iframe", "img", "image", "object", "embed", "base"})
@@ -87,6 +88,24 @@ def test_nothing_is_loaded_and_nothing_runs(page: str) -> None:
                 assert name.startswith("xmlns") or name == "rdf:resource", (tag, name, value)
     assert "@import" not in page
     assert all(address.startswith("#") for address in re.findall(r"url\(([^)]*)\)", page))
+
+
+def test_nothing_is_loaded_and_nothing_runs(page: str) -> None:
+    assert_self_contained(page)
+
+
+def assert_sound(page: str) -> None:
+    """Tags balance, ids are distinct, and every reference finds one."""
+    found = _Page(page)
+    assert (found.wrong, found.open) == ([], [])
+    ids = Counter(a["id"] for _, a in found.elements if "id" in a)
+    assert [i for i, n in ids.items() if n > 1] == []
+    assert set(re.findall(r"url\(#([^)]*)\)", page)) <= set(ids)
+
+
+def words(page: str) -> str:
+    """Return the text of a page, as a reader finds it."""
+    return "".join(_Page(page).text)
 
 
 def test_ids_are_distinct_and_every_reference_finds_one(page: str) -> None:
@@ -144,6 +163,23 @@ def test_what_is_not_there_takes_no_room() -> None:
 
     assert classes("", "") == {"wide": 1, "n": 3}
     assert classes("a note", "facts") == {"wide": 1, "n": 3, "note": 1, "facts": 1}
+
+
+def test_a_listing_keeps_its_lines_and_a_long_one_has_two_columns() -> None:
+    short, long = "a = 1\n\nb = '<c>'", "x\n" * 60
+    page = render(Document("", [Section("", (), [Listing("file", short), Listing("long", long)])], {}))
+    assert f"<pre>a = 1\n\nb = {escape(chr(39))}&lt;c&gt;{escape(chr(39))}</pre>" in page
+    assert f'<pre class="long">{long}</pre>' in page
+
+
+def test_the_lead_comes_before_the_contents() -> None:
+    lead = Section("not shown", ["the gist"], [Table("key", "", ("K",), [[0.25]])])
+    document = Document("title", [Section("One")], {}, lead)
+    page = render(document)
+    assert page.index("<h1>title") < page.index("the gist") < page.index("0.25") < page.index("<nav>")
+    assert "not shown" not in page
+    assert document.to_dict()["tables"] == {"key": [{"K": 0.25}]}
+    assert 'class="lead"' not in render(Document("title", [], {}))
 
 
 def test_the_same_document_is_the_same_bytes(page: str) -> None:

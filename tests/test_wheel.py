@@ -42,7 +42,7 @@ def test_an_installed_wheel_flies_the_shipped_scenario(tmp_path: Path) -> None:
     metrics = json.loads(printed)
     assert metrics["departed"] is False
     assert sorted(p.name for p in (away / metrics["folder"]).iterdir()) == [
-        "flight.rrd", "metrics.json", "scenario.toml", "trace.parquet",
+        "flight.rrd", "metrics.json", "report.html", "scenario.toml", "trace.parquet",
     ]  # fmt: skip
     home = _run(python, "-c", "import flightbed; print(flightbed.__file__)", cwd=away).strip()
     assert str(tmp_path / "fresh") in home

@@ -1,0 +1,279 @@
+"""Campaign -> its report: how many departed, distributions, mean and one-sigma histories, medians, the worst flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed import drawing, palette
+from flightbed.campaign import Campaign
+from flightbed.campaign_table import Quantity
+from flightbed.card import correction, failures, flown, gusts, outcome
+from flightbed.document import Cell, Document, Listing, Picture, Section, Table, show
+from flightbed.ensemble import histories
+from flightbed.figures import MARGIN, mark_changes, pictures
+from flightbed.report import ESTIMATOR_METRICS, again
+from flightbed.units import unit_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Vector = npt.NDArray[np.float64]
+Line = tuple[str, str, list[float]]  # name, colour, values
+
+_BINS = 30
+_MEANINGS = {
+    "departed_at_s": "departure, over the flights that departed",
+    "flown_s": "time flown",
+    "tracking_rms_pre_deg_s": "RMS of q - q_ref before the first failure",
+    "tracking_rms_post_deg_s": "the same from 0.3 s after it; of a flight that ends early, as far as it got",
+    **{key: meaning for key, (_, meaning) in ESTIMATOR_METRICS.items()},
+}
+
+
+def campaign_report(campaign: Campaign) -> Document:
+    """Return the report of a campaign; the same for the same flights, but for the time that they took."""
+    scenario, flights = campaign.scenario, campaign.flights
+    aircraft, first = campaign.worst.plan.aircraft.name, scenario.seed
+    seeds = f"{first} to {first + len(flights) - 1}"
+    versions = campaign.worst.summary["versions"]
+    facts = {
+        "again": f"flightbed campaign FOLDER/scenario.toml --runs {len(flights)}",
+        "flights": len(flights),
+        "seeds": seeds,
+        "wall_time_s": round(campaign.wall_time_s, 1),
+        "aircraft": f"{aircraft}, SHA-256 {campaign.worst.summary['aircraft_sha256']}",
+        "versions": versions,
+    }
+    what = [row if row[0] != "seed" else ("seeds", seeds) for row in flown(scenario, aircraft)]
+    sections = [
+        Section("What flew", (), [Table("flown", "The flights", ("", ""), what)]),
+        Section("How the flights differ", (), _distributions(campaign)),
+        Section("Mean and one sigma", (), _histories(campaign)),
+        Section("Medians", (), _medians(campaign)),
+        _worst(campaign),
+        again(scenario.to_toml(), f" --set seed={campaign.worst.summary['seed']}", versions),
+    ]
+    condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
+    title = f"{scenario.name}: {len(flights)} flights of {aircraft} at {condition}"
+    return Document(title, sections, facts, lead(campaign))
+
+
+def tracking(campaign: Campaign) -> Quantity:
+    """Return the tracking that counts: after the failure, or of the whole flights where nothing fails."""
+    after = campaign.quantity("tracking_rms_post_deg_s")
+    return after if after.known else campaign.quantity("tracking_rms_pre_deg_s")
+
+
+def headline(campaign: Campaign) -> str:
+    """Return in a few sentences how many flew and departed, and how well they tracked."""
+    departed, flights = campaign.departed, len(campaign.flights)
+    chosen = tracking(campaign)
+    gone = round(departed.estimate * flights)
+    after = "" if chosen.column.endswith("pre_deg_s") else " from 0.3 s after the failure"
+    told = f" Median RMS of q - q_ref{after}: {_interval(chosen, '.3g')} deg/s." if chosen.known else ""
+    return (
+        f"{gone} of {flights} flights departed: {departed.estimate:.1%} "
+        f"(95 % interval {departed.low:.1%} to {departed.high:.1%}).{told}"
+    )
+
+
+def _interval(quantity: Quantity, spec: str) -> str:
+    middle = quantity.median
+    if not np.isfinite([middle.low, middle.high]).all():
+        return f"{show(middle.estimate, spec)} (too few flights for an interval)"
+    return f"{show(middle.estimate, spec)} (95 % interval {middle.low:{spec}} to {middle.high:{spec}})"
+
+
+def lead(campaign: Campaign) -> Section:
+    """Return what a reader should know after ten seconds."""
+    scenario = campaign.scenario
+    happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "nothing fails"
+    text = [
+        headline(campaign),
+        f"{happened[0].upper()}{happened[1:]}. The {scenario.control.law} law is {correction(scenario)}. "
+        f"Worst flight: seed {campaign.worst.summary['seed']}, {campaign.reason}.",
+    ]
+    keys = ("median_abs_error_post", "first_within_20pct_s", "detected_at_s", "nis_mean", "nees_mean_post")
+    columns = (
+        "estimator",
+        "median |K-hat - K|",
+        "within 20 % after, s",
+        "alarm after, s",
+        "mean NIS (2 is right)",
+        "NEES (1 is right)",
+    )
+    rows: list[list[Cell]] = []
+    for name in campaign.estimators:
+        quantities = [campaign.quantity(f"{name}.{key}") for key in keys]
+        rows.append([name, *(_often(q) for q in quantities)])
+    note = "Medians over the flights, with 95 % interval."
+    return Section("", text, [Table("key", "", columns, rows, dict.fromkeys(columns, ".3g"), note)] if rows else ())
+
+
+def _often(quantity: Quantity) -> Cell:
+    """Return the median of a quantity for a table: never where it never happened, none where it cannot be said."""
+    if not quantity.known:
+        return None
+    return "never" if quantity.never == len(quantity.known) else quantity.median
+
+
+def _medians(campaign: Campaign) -> list[Table]:
+    columns = ("metric", "unit", "median (95 % interval)", "5 %", "95 %", "flights", "never in", "meaning")
+    note = (
+        "The interval holds the median with at least 95 % whatever the distribution; fewer than 6 flights leave it open. What never "
+        "happened counts as infinite in it, and is left out of the range from 5 to 95 %."
+    )
+    tables = []
+    for owner in ("", *campaign.estimators):
+        rows: list[list[Cell]] = []
+        for q in campaign.quantities():
+            name, _, key = q.column.rpartition(".")
+            if name == owner:
+                around = (q.spread.low, q.spread.high)
+                rows.append([key, unit_of(key), _often(q), *around, len(q.known), q.never or None, _MEANINGS[key]])
+        title = f"Estimator '{owner}'" if owner else "The flights"
+        key = f"medians-{owner}" if owner else "medians"
+        tables.append(
+            Table(key, title, columns, rows, dict.fromkeys(columns, ".3g" if owner else ".4g"), "" if owner else note)
+        )
+    return tables
+
+
+def _colors(campaign: Campaign) -> dict[str, str]:
+    return {name: palette.estimate(i) for i, name in enumerate(campaign.estimators)}
+
+
+def _distributions(campaign: Campaign) -> list[Picture]:
+    """Return histograms: of tracking by what came of the flight, of the errors and delays of every estimator."""
+    chosen = tracking(campaign)
+    gone = [flown.metrics.departed for flown in campaign.flights]
+    by_end: list[Line] = [
+        (name, color, [v for v, away in zip(chosen.values, gone, strict=True) if v is not None and away == wanted])
+        for name, color, wanted in (("stayed", drawing.ACTUAL, False), ("departed", drawing.FAILURE, True))
+    ]
+    after = "of the whole flight" if chosen.column.endswith("pre_deg_s") else "from 0.3 s after the failure"
+    found = [_histogram("tracking", "Tracking", f"RMS of q - q_ref {after}.", "RMS of q - q_ref, deg/s", by_end)]
+    for key, title, text, label in (
+        ("median_abs_error_post", "Error of K", "Of each flight the median from 0.3 s after the failure.", "median |K-hat - K|"),
+        ("first_within_20pct_s", "Settling", "From the failure to the first K-hat within +-20 % of K.", "time after the failure, s"),
+        ("detected_at_s", "Detection", "From the failure to the first alarm after it.", "time after the failure, s"),
+    ):  # fmt: skip
+        lines = [(n, color, campaign.quantity(f"{n}.{key}").known) for n, color in _colors(campaign).items()]
+        tick_s = 1.0 / campaign.scenario.rates.control_hz if key.endswith("_s") else None
+        found.append(_histogram(key.replace("_", "-"), title, text, label, lines, tick_s))
+    return [picture for picture in found if picture is not None]
+
+
+def _histogram(
+    key: str, title: str, text: str, label: str, lines: Sequence[Line], tick_s: float | None = None
+) -> Picture | None:
+    """Draw how often which values occur, each kind on axes of its own; None if there are none. Times come in whole ticks."""
+    shown = [(name, color, [v for v in values if np.isfinite(v)]) for name, color, values in lines]
+    shown = [(name, color, values) for name, color, values in shown if values]
+    if not shown:
+        return None
+    words = [f"{name}: {_range(values)}." for name, _, values in lines if values]
+    with drawing.canvas(len(shown), height=1.7, share_x=False) as (axes, svg):
+        for axis, (name, color, values) in zip(axes, shown, strict=True):
+            axis.hist(values, _edges(min(values), max(values), tick_s), color=color, alpha=0.6, label=name)
+            axis.axvline(float(np.median(values)), color=color, linewidth=1.6)
+            axis.set_axisbelow(True)
+            axis.set_ylabel("flights")
+            axis.locator_params(axis="y", integer=True)
+            axis.ticklabel_format(axis="x", useOffset=False)
+            drawing.legend(axis)
+        axes[-1].set_xlabel(label)
+        return Picture(key, title, drawing.distinct(svg(), key), f"{text} A line marks the median.", " ".join(words))
+
+
+def _range(values: Sequence[float]) -> str:
+    happened = [v for v in values if np.isfinite(v)]
+    never = f", never in {len(values) - len(happened)}" if len(happened) < len(values) else ""
+    if not happened:
+        return f"never in {len(values)} flights"
+    return f"median {np.median(happened):.4g}, {min(happened):.4g} to {max(happened):.4g}, {len(values)} flights{never}"
+
+
+def _edges(low: float, high: float, tick_s: float | None) -> list[float]:
+    """Return the edges of the bins from a least to a largest value; of times, with whole ticks in their middle."""
+    if tick_s is None:
+        pad = 0.0 if high - low > 1e-9 * abs(high) else 0.05 * (abs(high) or 1.0)
+        edges: list[float] = np.linspace(low - pad, high + pad, _BINS + 1).tolist()
+        return edges
+    first, last = round(low / tick_s), round(high / tick_s)
+    each = (last - first) // _BINS + 1
+    return [(first - 0.5 + each * i) * tick_s for i in range((last - first) // each + 2)]
+
+
+def _histories(campaign: Campaign) -> list[Picture]:
+    flights, scenario = campaign.flights, campaign.scenario
+    t = np.arange(max(len(f.columns["q_deg_s"]) for f in flights)) / scenario.rates.control_hz
+    alone = drawing.ACTUAL
+
+    def band(axis: Axes, column: str, color: str, label: str) -> tuple[Vector, Vector]:
+        mean, std, _ = histories(flights, column)
+        drawing.band(axis, t, mean - std, mean + std, color=color, alpha=0.25)
+        drawing.line(axis, t, mean, color=color, label=label)
+        return mean, std
+
+    def motion(axes: list[Axes]) -> str:
+        drawing.line(axes[0], t, histories(flights, "q_ref_deg_s")[0], color=drawing.REFERENCE, label="reference")
+        words = []
+        for axis, column, label in zip(
+            axes, ("q_deg_s", "alpha_deg", "elevator_deg"), ("pitch rate, deg/s", "angle of attack, deg", "elevator, deg"), strict=False
+        ):  # fmt: skip
+            _, std = band(axis, column, alone, "mean, +-1 sigma")
+            axis.set_ylabel(label)
+            finite = np.where(np.isfinite(std), std, 0.0)
+            words.append(f"{label.partition(',')[0]}: sigma up to {finite.max():.3g}, at {t[finite.argmax()]:.2f} s")
+        if len(axes) > 3:
+            flying = histories(flights, "q_deg_s")[2].astype(np.float64)
+            drawing.line(axes[3], t, flying, color=drawing.OTHER)
+            axes[3].set_ylim(0.0, 1.05 * len(flights))
+            axes[3].set_ylabel("still flying")
+            words.append(f"{int(flying[-1])} of {len(flights)} fly at {t[-1]:.2f} s")
+        return "; ".join(words) + "."
+
+    def gain(axes: list[Axes]) -> str:
+        words, truth = [], histories(flights, "effectiveness_true")[0]
+        for axis, (name, color) in zip(axes, _colors(campaign).items(), strict=True):
+            drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.2, label="truth")
+            mean, std = band(axis, f"{name}.effectiveness_smoothed", color, f"smoothed K of '{name}', mean, +-1 sigma")
+            axis.set_ylim(-0.08, max(1.25, min(3.0, float(np.nanmax(mean[t > 0.3], initial=0.0)) + 0.1)))
+            axis.set_ylabel("K")
+            words.append(f"'{name}' ends at {mean[-1]:.3f} +- {std[-1]:.2g} (truth {truth[-1]:.3f}).")
+        return " ".join(words)
+
+    early = any(len(f.columns["q_deg_s"]) < len(t) for f in flights) or len(t) < scenario.ticks
+    figures: list[tuple[str, str, int, Callable[[list[Axes]], str]]] = [
+        ("motion", "Motion and elevator", 3 + early, motion)
+    ]
+    if campaign.estimators:
+        figures.append(("gain", "Smoothed K", len(campaign.estimators), gain))
+    text = "Mean over the flights that still fly, and one standard deviation to either side."
+    return [_history(campaign, key, title, rows, draw, text, float(t[-1])) for key, title, rows, draw in figures]
+
+
+def _history(
+    campaign: Campaign, key: str, title: str, rows: int, draw: Callable[[list[Axes]], str], text: str, end_s: float
+) -> Picture:
+    with drawing.canvas(rows, height=1.8, margin=MARGIN) as (axes, svg):
+        facts = draw(axes)
+        for axis in axes:
+            mark_changes(axis, campaign.scenario, end_s, name=axis is axes[0])
+            axis.set_xlim(0.0, max(end_s, 1e-3))
+            drawing.legend(axis)
+        axes[-1].set_xlabel("time, s")
+        return Picture(key, title, drawing.distinct(svg(), key), text, facts)
+
+
+def _worst(campaign: Campaign) -> Section:
+    worst = campaign.worst
+    stayed = f"; {outcome(worst.summary)}" if worst.summary["ended"] == "time" else ""
+    text = f"Seed {worst.summary['seed']}: {campaign.reason}{stayed}."
+    listing = Listing("It flies again, with a report of its own, by", campaign.again)
+    return Section("The worst flight", (text,), [listing, *pictures(worst, ("pitch-rate", "effectiveness"))])

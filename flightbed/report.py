@@ -1,0 +1,212 @@
+"""Result -> the report of a flight: what flew, what failed, how it ended, figures, all numbers, and how to fly it again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flightbed.card import correction, events, failures, flown, gusts, kept_pace, outcome
+from flightbed.document import Cell, Document, Listing, Section, Table
+from flightbed.figures import pictures
+from flightbed.short_period import ShortPeriod
+
+if TYPE_CHECKING:
+    from flightbed.mission import Result
+
+# metric of an estimator -> (unit, meaning); "the failure" is the first change of K, see metrics.py
+ESTIMATOR_METRICS = MappingProxyType(
+    {
+        "final": ("1", "last K-hat"),
+        "median_abs_error_post": ("1", "median |K-hat - K| from 0.3 s after the failure"),
+        "rms_error_smoothed_post": ("1", "RMS error of the smoothed K-hat from 0.3 s after the failure"),
+        "std_pre": ("1", "standard deviation of K-hat before the failure"),
+        "first_within_20pct_s": ("s", "from the failure to the first K-hat within +-20 % of K"),
+        "first_within_20pct_smoothed_s": ("s", "the same of the smoothed K-hat"),
+        "nis_mean": ("1", "mean normalized innovation squared; 2 if the filter's model holds"),
+        "detected_at_s": ("s", "from the failure to the first alarm after it"),
+        "false_alarms": ("1", "alarms before the failure"),
+        "nees_mean_post": ("1", "mean of ((K-hat - K)/sigma)^2 from 0.3 s after the failure; 1 if sigma is honest"),
+        "efficiency": ("1", "mean square that the Cramer-Rao bound allows over the mean square error"),
+    }
+)
+_MOST_EVENTS = 100  # that the event log of the page tells
+_GAINS = MappingProxyType(
+    {"alpha": "rad/rad", "q": "s", "elevator": "rad/rad", "reference": "s", "integral": "rad/rad"}
+)
+
+
+def run_report(result: Result) -> Document:
+    """Return the report of a flight; the same for the same flight, but for the time that it took.
+
+    Args:
+        result: the flight, as ``mission.run`` returns it, written to a folder or not.
+
+    """
+    scenario, summary = result.plan.scenario, result.summary
+    facts = {
+        "flown": f"{summary['flown_s']:g} s in {summary['wall_time_s']:.2f} s, {summary['real_time_factor']:.0f} times real time",
+        **({"real time": kept_pace(summary)} if summary["realtime"] else {}),
+        "aircraft": f"{result.plan.aircraft.name}, SHA-256 {summary['aircraft_sha256']}",
+        "versions": summary["versions"],
+    }
+    sections = [
+        Section("What flew", (), [_pairs("flown", "The flight", flown(scenario, result.plan.aircraft.name))]),
+        Section("What it did", (), pictures(result)),
+        _numbers(result),
+        Section("What happened when", (), [_events(result)]),
+        _design(result),
+        again(scenario.to_toml(), "", summary["versions"]),
+    ]
+    condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
+    title = f"{scenario.name}: {result.plan.aircraft.name} at {condition}, seed {scenario.seed}"
+    return Document(title, sections, facts, _lead(result))
+
+
+def headline(result: Result) -> str:
+    """Return in a few sentences what flew, what failed, what was done about it, and how it ended."""
+    scenario, summary = result.plan.scenario, result.summary
+    happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "nothing fails"
+    return (
+        f"{happened[0].upper()}{happened[1:]}. The {scenario.control.law} law is {correction(scenario)}. "
+        f"Outcome: {outcome(summary)}."
+    )
+
+
+def _lead(result: Result) -> Section:
+    """Return what a reader should know after ten seconds."""
+    scenario, summary, trace = result.plan.scenario, result.summary, result.trace
+    away = np.abs(trace["alpha_deg"] - summary["trim"]["alpha_deg"])
+    failed = summary["failed_at_s"] is not None
+    columns = ["departed", "largest |alpha - trim|, deg", "elevator at a stop"]
+    gone = f"at {summary['departed_at_s']:.2f} s" if summary["departed"] else "no"
+    cells: list[Cell] = [gone, float(np.max(away)), summary["elevator_at_stop_share"]]
+    for when, key in (
+        ("before the failure" if failed else "whole flight", "pre"),
+        *((("after it", "post"),) if failed else ()),
+    ):
+        columns.append(f"RMS q - reference {when}, deg/s")
+        cells.append(summary[f"tracking_rms_{key}_deg_s"])
+    tables = [Table("key", "", columns, [cells], {"elevator at a stop": ".1%"})]
+    if trace.estimators:
+        tables.append(_estimates(result))
+    return Section("", [t for t in (headline(result), scenario.description) if t], tables)
+
+
+def _estimates(result: Result) -> Table:
+    summary, adaptation = result.summary, result.plan.scenario.adaptation
+    used = adaptation.estimator if adaptation.enabled and not adaptation.oracle else ""
+    keys = ("final", "median_abs_error_post", "first_within_20pct_s", "detected_at_s", "nis_mean")
+    columns = (
+        "estimator", "corrects the law", "K at end", "true K", "median |K-hat - K|", "within 20 % after, s", "alarm after, s",
+        "mean NIS (2 is right)",
+    )  # fmt: skip
+    truth = float(result.trace["effectiveness_true"][-1])
+    rows: list[list[Cell]] = []
+    for name, m in summary["estimators"].items():
+        final, *rest = (m[key] for key in keys)
+        rows.append([name, "yes" if name == used else "no", final, truth, *rest])
+    return Table("estimates", "", columns, rows, dict.fromkeys(columns[2:4], ".3f") | {columns[4]: ".2g"})
+
+
+def _numbers(result: Result) -> Section:
+    summary, names = result.summary, result.trace.estimators
+    flight = [
+        ("departed_at_s", summary["departed_at_s"], "s", "alpha more than 25 deg from trim, or a state that is not finite"),
+        ("flown_s", summary["flown_s"], "s", f"time flown; ended by: {summary['ended']}"),
+        ("failed_at_s", summary["failed_at_s"], "s", "first failure, of any kind, that the flight reached"),
+        ("estimators_since_s", summary["estimators_since_s"], "s", "first change of K: the failure of all that is said of estimators"),
+        ("tracking_rms_pre_deg_s", summary["tracking_rms_pre_deg_s"], "deg/s", "RMS of q - q_ref before the first failure"),
+        ("tracking_rms_post_deg_s", summary["tracking_rms_post_deg_s"], "deg/s", "the same from 0.3 s after it"),
+        ("elevator_at_stop_share", summary["elevator_at_stop_share"], "1", "share of the ticks with the command cut at a stop"),
+        ("bank_max_deg", summary["bank_max_deg"], "deg", "largest bank"),
+        ("snr_db", summary["snr_db"], "dB", "signal to noise, Sillence eq (82), before the failure"),
+    ]  # fmt: skip
+    tables = [Table("flight", "The flight", ("metric", "value", "unit", "meaning"), flight)]
+    if names:
+        rows = [
+            [key, *(summary["estimators"][name][key] for name in names), unit, meaning]
+            for key, (unit, meaning) in ESTIMATOR_METRICS.items()
+        ]
+        note = "- where it never happened, or cannot be said."
+        tables.append(Table("estimators", "Estimators", ("metric", *names, "unit", "meaning"), rows, note=note))
+    text = () if names else ("No estimator flew.",)
+    return Section("Numbers", (*text, "Under the names that metrics.json gives them."), tables)
+
+
+def _events(result: Result) -> Table:
+    """Return the event log; of very many events the severe ones and the first others."""
+    happened = events(result.plan.scenario, result.trace, result.summary, result.plan.aircraft.actuator)
+    others = [i for i, (_, _, severe) in enumerate(happened) if not severe]
+    left_out = set(others[_MOST_EVENTS:])
+    rows = [(float(t), text) for i, (t, text, _) in enumerate(happened) if i not in left_out]
+    note = f"{len(left_out)} more events are left out here." if left_out else ""
+    return Table("events", "Event log", ("time, s", "event"), rows or [("-", "nothing")], {"time, s": ".2f"}, note)
+
+
+def _design(result: Result) -> Section:
+    design, summary, hz = result.plan.design, result.summary, result.plan.scenario.rates.control_hz
+    trim = summary["trim"]
+    poles = ", ".join(f"{re:+.4g}{f' {im:+.4g}j' if im else ''}" for re, im in summary["short_period"]["poles_rad_s"])
+    point: list[tuple[str, Cell, str]] = [
+        ("alpha", trim["alpha_deg"], "deg"),
+        ("elevator", trim["elevator_deg"], "deg"),
+        ("throttle", trim["throttle_norm"], "1"),
+        ("residual", trim["residual"], "g, rad/s^2"),
+    ]
+    tables = [
+        Table("trim", "Trim point", ("", "value", "unit"), point),
+        *_matrices(design, hz),
+        Table("gains", "Gains of the law", ("of", "value", "unit"),
+              [(name, value, _GAINS.get(name, "")) for name, value in summary["gains"].items()]),
+    ]  # fmt: skip
+    text = (
+        "x' = A x + K b u, x = (alpha, q), u the elevator, all in deviations from trim, in SI and radians. "
+        f"Poles of A: {poles} rad/s. The actuator lags with {design.actuator_rad_s:g} rad/s; "
+        f"the discrete model holds u for a tick, at {hz} Hz.",
+    )
+    return Section("Trim, model and law", text, [t for t in tables if t.rows])
+
+
+def _matrices(design: ShortPeriod, hz: int) -> list[Table]:
+    discrete = design.discrete(hz)
+
+    def table(key: str, title: str, names: Sequence[str], units: Sequence[Sequence[str]], A: Any, b: Any) -> Table:
+        rows = [
+            [name, *(f"{v:.5g} {u}".strip() for v, u in zip((*row, gain), unit, strict=True))]
+            for name, unit, row, gain in zip(names, units, A.tolist(), b.tolist(), strict=True)
+        ]
+        return Table(key, title, ("", "alpha, rad", "q, rad/s", "elevator, rad"), rows)
+
+    return [
+        table("model", "Short period: A, b", ("alpha'", "q'"), (("1/s", "", "1/s"), ("1/s^2", "1/s", "1/s^2")), design.A, design.b),
+        table("discrete", f"The same, discrete at {hz} Hz", ("alpha+", "q+"), (("", "s", ""), ("1/s", "", "1/s")), *discrete),
+    ]  # fmt: skip
+
+
+def again(toml: str, override: str, versions: dict[str, str]) -> Section:
+    """Return the section that says how to fly something again: the command, the scenario, what else has to be the same.
+
+    Args:
+        toml: the complete scenario.
+        override: what the command adds to it, ``""`` or ``" --set KEY=VALUE"``.
+        versions: package -> version.
+
+    """
+    packages = " ".join(f"{name}=={value}" for name, value in versions.items() if name not in ("flightbed", "python"))
+    commands = (
+        f"flightbed run FOLDER/scenario.toml{override}\n\n"
+        f"# from scratch: Python {versions['python']}, flightbed {versions['flightbed']}, and\n"
+        f"pip install {packages}"
+    )
+    text = (
+        "FOLDER is the one that this page lies in. Scenario, aircraft and versions being the same, the flight is the same to the last bit; "
+        "the scenario below, saved as a file, will do in place of the folder's.",
+    )
+    return Section("Fly it again", text, [Listing("Commands", commands), Listing("scenario.toml, complete", toml)])
+
+
+def _pairs(key: str, title: str, rows: Sequence[Sequence[Cell]]) -> Table:
+    return Table(key, title, ("", ""), rows)

@@ -1,0 +1,246 @@
+"""Campaigns: the same numbers as flights flown one by one, on any workers; the worst flies again; whole or not at all."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from rich.console import Console
+
+from flightbed import campaign as campaigns
+from flightbed import drawing
+from flightbed.campaign import Campaign, summary
+from flightbed.campaign_report import campaign_report
+from flightbed.campaign_table import Quantity
+from flightbed.document import Document
+from flightbed.ensemble import Flown, processes
+from flightbed.errors import InputError, OutputError
+from flightbed.folder import CAMPAIGN_FILES, write_campaign
+from flightbed.metrics import Metrics
+from flightbed.mission import run
+from flightbed.page import render
+from flightbed.scenario import load_scenario
+from flightbed.screen import campaign_lines
+from flightbed.statistics import median_interval, share
+from tests.command_line import flightbed
+from tests.test_page import assert_self_contained, assert_sound, words
+
+SHORT = ["duration_s=3", "failures.0.at_s=1.5", "seed=7"]
+RUNS = 12  # more than a job's
+
+
+@pytest.fixture(scope="module")
+def flown() -> Campaign:
+    return campaigns.fly(load_scenario("elevator-loss", SHORT), RUNS)
+
+
+@pytest.fixture(scope="module")
+def folder(flown: Campaign, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_campaign(flown, tmp_path_factory.mktemp("campaigns") / "x", replace=True)
+
+
+def _summary(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "summary.json").read_text())
+    return found
+
+
+def test_the_table_is_that_of_flights_flown_one_by_one(flown: Campaign, folder: Path) -> None:
+    table = pq.read_table(folder / "table.parquet").to_pylist()
+    assert [row["seed"] for row in table] == list(range(7, 7 + RUNS))
+    for row in (table[0], table[4], table[-1]):
+        alone = run(load_scenario("elevator-loss", [*SHORT, f"seed={row['seed']}"])).metrics
+        assert (row["departed"], row["departed_at_s"]) == (alone.departed, alone.departed_at_s)
+        assert row["tracking_rms_pre_deg_s"] == alone.tracking_rms_pre_deg_s
+        assert row["tracking_rms_post_deg_s"] == alone.tracking_rms_post_deg_s
+        for name, measured in alone.estimators.items():
+            ours = {k.removeprefix(f"{name}."): v for k, v in row.items() if k.startswith(f"{name}.")}
+            assert ours == dataclasses.asdict(measured)
+
+
+def test_columns_tell_their_units(folder: Path) -> None:
+    schema = pq.read_schema(folder / "table.parquet")
+    assert schema.field("tracking_rms_post_deg_s").metadata == {b"unit": b"deg/s"}
+    assert schema.field("scheduled.detected_at_s").metadata == {b"unit": b"s"}
+    assert schema.names[:2] == ["seed", "departed"]
+
+
+def test_the_flights_do_not_depend_on_the_workers(flown: Campaign) -> None:
+    done: list[tuple[int, int]] = []
+    with processes(2) as executor:
+        other = campaigns.fly(
+            load_scenario("elevator-loss", SHORT), RUNS, executor=executor, progress=lambda n, of: done.append((n, of))
+        )
+    assert done[-1] == (RUNS, RUNS)
+    assert other.rows == flown.rows
+    same = dataclasses.replace(other, wall_time_s=flown.wall_time_s)
+    assert summary(same) == summary(flown)
+    assert render(campaign_report(same)) == render(campaign_report(flown))
+
+
+def test_only_the_columns_that_histories_need_are_kept(flown: Campaign) -> None:
+    assert set(flown.flights[0].columns) == {
+        *campaigns.HISTORIES, "scheduled.effectiveness_smoothed", "expanding.effectiveness_smoothed",
+    }  # fmt: skip
+
+
+def test_the_worst_flight_flies_again_by_its_command(folder: Path) -> None:
+    worst = _summary(folder)["worst"]
+    table = pq.read_table(folder / "table.parquet").to_pylist()
+    assert worst["seed"] == max(table, key=lambda row: row["tracking_rms_post_deg_s"])["seed"]
+    program, command, scenario, option, override = shlex.split(worst["command"].replace("FOLDER", str(folder)))
+    assert (program, command, option) == ("flightbed", "run", "--set")
+    again = run(load_scenario(scenario, [override]))
+    assert again.plan.scenario.seed == worst["seed"]
+    assert again.metrics.to_dict() == worst["metrics"]
+    row = next(row for row in table if row["seed"] == worst["seed"])
+    assert row["tracking_rms_post_deg_s"] == again.metrics.tracking_rms_post_deg_s
+
+
+def test_the_summary_is_medians_with_intervals(folder: Path, flown: Campaign) -> None:
+    found, rows = _summary(folder), flown.rows
+    assert (found["flights"], found["first_seed"], found["departed"]["count"]) == (RUNS, 7, 0)
+    gone = share(0, RUNS)
+    assert (found["departed"]["low"], found["departed"]["high"]) == (gone.low, gone.high)
+    for told, column in (
+        (found["tracking_rms_post_deg_s"], "tracking_rms_post_deg_s"),
+        (found["estimators"]["scheduled"]["nis_mean"], "scheduled.nis_mean"),
+    ):
+        values = [float(row[column]) for row in rows]  # type: ignore[arg-type]
+        middle = median_interval(values)
+        assert (told["median"], told["low"], told["high"]) == (middle.estimate, middle.low, middle.high)
+        assert told["low"] > min(values) - 1e-12
+        assert told["flights"] == RUNS
+    never = found["estimators"]["expanding"]["detected_at_s"]
+    assert (never["median"], never["never"], never["flights"]) == (None, RUNS, RUNS)
+
+
+def test_what_never_happened_is_infinite_and_what_cannot_be_said_is_left_out() -> None:
+    quantity = Quantity("x.detected_at_s", (0.1, np.inf, None, 0.3, np.inf, np.inf))
+    assert quantity.never == 3
+    assert quantity.median.runs == 5
+    assert quantity.median.estimate == np.inf
+    assert quantity.spread.median == 0.2
+    assert quantity.to_dict()["median"] is None
+
+
+def test_the_report_says_what_the_summary_says(folder: Path, flown: Campaign) -> None:
+    page, found = (folder / "report.html").read_text(encoding="utf-8"), _summary(folder)
+    assert_self_contained(page)
+    assert_sound(page)
+    text = words(page)
+    start = text.partition("What flew")[0]
+    assert f"0 of {RUNS} flights departed: 0.0% (95 % interval 0.0% to {found['departed']['high']:.1%})" in start
+    middle = found["tracking_rms_post_deg_s"]
+    assert f"{middle['median']:.3g} (95 % interval {middle['low']:.3g} to {middle['high']:.3g}) deg/s" in start
+    assert found["worst"]["command"] in text
+    assert f"seed {found['worst']['seed']}" in start
+    pictures = {p.key: p for p in campaign_report(flown).pictures()}
+    assert {"tracking", "median-abs-error-post", "first-within-20pct-s", "detected-at-s", "motion", "gain"} < set(
+        pictures
+    )
+    for key in ("motion", "gain", "pitch-rate", "effectiveness"):
+        svg = pictures[key].svg
+        axes = len(re.findall(r'id="[^"]*axes_\d+"', svg))
+        assert len(re.findall(rf"stroke: {drawing.FAILURE}", svg)) >= axes, key
+    assert "still flying" not in pictures["motion"].svg
+
+
+def _flight(
+    seed: int, ticks: int, *, departed: bool = False, pre: float | None = 1.0, post: float | None = 2.0
+) -> Flown:
+    metrics = Metrics(departed, (ticks - 1) / 100 if departed else None, pre, post, None, {})
+    return Flown(seed, metrics, {"q_deg_s": np.zeros(ticks)})
+
+
+@pytest.mark.parametrize(
+    ("flights", "seed", "reason"),
+    [
+        ([_flight(0, 300), _flight(1, 300, post=3.0)], 1, "largest RMS of q - q_ref from 0.3 s after the failure, 3 deg/s"),
+        ([_flight(0, 300, pre=9.0, post=None), _flight(1, 300, post=None)], 0, "largest RMS of q - q_ref over the whole flight, 9 deg/s"),
+        ([_flight(0, 300, post=9.0), _flight(1, 250)], 1, "hit the ground first, at 2.50 s"),
+        ([_flight(0, 90), _flight(1, 250, departed=True), _flight(2, 201, departed=True)], 2, "departed first, at 2.00 s"),
+        ([_flight(4, 300), _flight(5, 300)], 4, "largest RMS of q - q_ref from 0.3 s after the failure, 2 deg/s"),
+    ],
+)  # fmt: skip
+def test_which_flight_is_the_worst(flights: list[Flown], seed: int, reason: str) -> None:
+    worst, why = campaigns._worst(flights, load_scenario("elevator-loss", SHORT))
+    assert (worst.seed, why) == (seed, reason)
+
+
+def test_flights_that_depart_are_counted_and_the_first_is_the_worst() -> None:
+    flown = campaigns.fly(load_scenario("elevator-loss-fixed", ["failures.0.at_s=2", "failures.0.to=0.1"]), 6)
+    found = summary(flown)
+    assert (found["departed"]["count"], found["departed"]["share"]) == (6, 1.0)
+    assert found["worst"]["metrics"]["departed_at_s"] == min(float(r["departed_at_s"]) for r in flown.rows)  # type: ignore[arg-type]
+    document = campaign_report(flown)
+    (motion,) = (p for p in document.pictures() if p.key == "motion")
+    assert "still flying" in motion.svg
+    assert document.lead.text[0].startswith("6 of 6 flights departed: 100.0%")
+    assert "departed" in next(p.svg for p in document.pictures() if p.key == "tracking")
+
+
+def test_where_nothing_fails_the_whole_flight_counts() -> None:
+    bare = ["estimators=[]", "adaptation.enabled=false", "duration_s=0.5"]
+    flown = campaigns.fly(load_scenario("nominal", bare), 2)
+    document = campaign_report(flown)
+    assert_sound(render(document))
+    assert "Median RMS of q - q_ref: " in document.lead.text[0]
+    assert "too few flights for an interval" in document.lead.text[0]
+    assert flown.reason.startswith("largest RMS of q - q_ref over the whole flight")
+    assert [p.key for p in document.pictures()] == ["tracking", "motion", "pitch-rate"]
+
+
+@pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_a_folder_is_whole_or_not_at_all(
+    flown: Campaign, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: BaseException
+) -> None:
+    assert {p.name for p in folder.iterdir()} == CAMPAIGN_FILES
+
+    def fail(*_: object) -> None:
+        raise fault
+
+    monkeypatch.setattr("flightbed.campaign_table.write_table", fail)  # the last to be written
+    monkeypatch.setattr("flightbed.campaign_report.campaign_report", lambda _: Document("", [], {}))
+    with pytest.raises(OutputError if isinstance(fault, OSError) else KeyboardInterrupt):
+        write_campaign(flown, tmp_path / "x", replace=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_only_a_campaign_is_replaced_and_that_is_told_before_anything_flies(tmp_path: Path) -> None:
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "metrics.json").write_text("{}")
+    with pytest.raises(OutputError, match=r"holds 'metrics\.json', which is not from a campaign; name a new folder"):
+        campaigns.run(load_scenario("nominal"), tmp_path / "x", runs=10**9)
+    with pytest.raises(InputError, match=r"--runs: must be at least 1 \(got 0\)"):
+        campaigns.fly(load_scenario("nominal"), 0)
+
+
+def test_on_the_command_line(tmp_path: Path) -> None:
+    short = [text for o in ("duration_s=0.4", "failures.0.at_s=0.1") for text in ("--set", o)]
+    done = flightbed("campaign", "elevator-loss", "--runs", "2", "--workers", "1", "--json", *short, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told.pop("folder") == "campaigns/elevator-loss"
+    assert told == _summary(tmp_path / "campaigns" / "elevator-loss")
+
+
+def test_what_a_terminal_shows(flown: Campaign) -> None:
+    screen = Console(width=80, record=True, file=io.StringIO())
+    for line in campaign_lines(flown, Path("campaigns/x")):
+        screen.print(line, soft_wrap=isinstance(line, str))
+    shown = screen.export_text()
+    assert max(map(len, shown.splitlines())) <= 80
+    assert f"0 of {RUNS} flights departed" in shown
+    seed = summary(flown)["worst"]["seed"]
+    assert f"again: flightbed run campaigns/x/scenario.toml --set seed={seed}\n" in shown
+    error = flown.quantity("scheduled.median_abs_error_post").median.estimate
+    (row,) = (line.split() for line in shown.splitlines() if line.startswith("  scheduled "))
+    assert row[1] == f"{error:.3g}"
