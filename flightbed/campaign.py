@@ -13,6 +13,7 @@ from typing import Any
 from flightbed.campaign_table import NO_QUANTITIES, Quantity, Row, ended, flown_s, quantity, rows
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.errors import InputError
+from flightbed.extension import permits
 from flightbed.folder import CAMPAIGN_FILES, check_target, write_campaign
 from flightbed.mission import Result, plan
 from flightbed.mission import run as fly_one
@@ -62,9 +63,14 @@ class Campaign:
         return share(sum(f.metrics.departed for f in self.flights), len(self.flights))
 
     @property
+    def override(self) -> str:
+        """Options of ``flightbed run`` that fly the worst flight again, of the campaign's scenario.toml."""
+        return f" --set seed={self.worst.plan.scenario.seed}{permits(self.worst.summary)}"
+
+    @property
     def again(self) -> str:
         """Command that flies the worst flight again; FOLDER is the campaign's."""
-        return f"flightbed run FOLDER/scenario.toml --set seed={self.worst.plan.scenario.seed}"
+        return f"flightbed run FOLDER/scenario.toml{self.override}"
 
     @cached_property
     def rows(self) -> list[Row]:

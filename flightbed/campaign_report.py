@@ -14,6 +14,7 @@ from flightbed.campaign_table import Quantity
 from flightbed.card import correction, failures, flown, gusts, outcome
 from flightbed.document import Cell, Document, Listing, Picture, Section, Table, show
 from flightbed.ensemble import histories
+from flightbed.extension import permits
 from flightbed.figures import MARGIN, mark_changes, pictures
 from flightbed.report import ESTIMATOR_METRICS, again
 from flightbed.units import unit_of
@@ -41,7 +42,7 @@ def campaign_report(campaign: Campaign) -> Document:
     seeds = f"{first} to {first + len(flights) - 1}"
     versions = campaign.worst.summary["versions"]
     facts = {
-        "again": f"flightbed campaign FOLDER/scenario.toml --runs {len(flights)}",
+        "again": f"flightbed campaign FOLDER/scenario.toml --runs {len(flights)}{permits(campaign.worst.summary)}",
         "flights": len(flights),
         "seeds": seeds,
         "wall_time_s": round(campaign.wall_time_s, 1),
@@ -55,7 +56,7 @@ def campaign_report(campaign: Campaign) -> Document:
         Section("Mean and one sigma", (), _histories(campaign)),
         Section("Medians", (), _medians(campaign)),
         _worst(campaign),
-        again(scenario.to_toml(), f" --set seed={campaign.worst.summary['seed']}", versions),
+        again(scenario.to_toml(), campaign.override, versions),
     ]
     condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     title = f"{scenario.name}: {len(flights)} flights of {aircraft} at {condition}"

@@ -14,7 +14,6 @@ from typing import Annotated, Literal, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 from rich.console import Console, RenderableType
-from rich.markup import escape
 
 from flightbed.errors import FlightbedError, InputError, OutputError
 
@@ -37,6 +36,10 @@ class _Out(Console):
 
 
 _out = _Out(highlight=False)
+
+Flag = Annotated[bool, Parameter(negative="", show_default=False)]
+Several = Annotated[list[str] | None, Parameter(negative="", show_default=False)]
+Sets = Annotated[list[str] | None, Parameter(name="--set", negative="", show_default=False)]
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -73,13 +76,13 @@ def run(
     /,
     *,
     out: Path | None = None,
-    set_: Annotated[list[str] | None, Parameter(name="--set", negative="", show_default=False)] = None,
-    use: Annotated[list[str] | None, Parameter(negative="", show_default=False)] = None,
+    set_: Sets = None,
+    use: Several = None,
     rerun: Literal["save", "live", "off"] = "save",
     viewer: Annotated[str | None, Parameter(show_default=False)] = None,
     report: Literal["save", "off"] = "save",
-    realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False,
-    json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    realtime: Flag = False,
+    json: Flag = False,
 ) -> None:
     """Fly one scenario and leave a folder with scenario, trace, metrics, Rerun recording and report.
 
@@ -160,7 +163,7 @@ def view(
 def compare(
     *runs: str,
     out: Path | None = None,
-    json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    json: Flag = False,
 ) -> None:
     """Put runs side by side: metrics and differences, one recording on one time axis, a report page.
 
@@ -246,9 +249,9 @@ def linearize(
     format_: Annotated[Literal["table", "json", "csv", "parquet", "npz", "mat"], Parameter(name="--format")] = "table",
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     part: Literal["full", "longitudinal", "lateral", "short-period"] = "full",
-    actuator: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    actuator: Flag = False,
     control_hz: float | None = None,
-    validate: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    validate: Flag = False,
     picture: Path | None = None,
 ) -> None:
     """Trim and linearize the rigid-body motion: matrices, modes, short period, discrete model.
@@ -292,8 +295,9 @@ def campaign(
     runs: int = 100,
     workers: Annotated[int | None, Parameter(show_default=False)] = None,
     out: Path | None = None,
-    set_: Annotated[list[str] | None, Parameter(name="--set", negative="", show_default=False)] = None,
-    json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    set_: Sets = None,
+    use: Several = None,
+    json: Flag = False,
 ) -> None:
     """Fly one scenario with successive seeds, from its own on, and leave a folder with table, summary and report.
 
@@ -303,16 +307,19 @@ def campaign(
         workers: Processes that fly, all cores without it; the results do not depend on it.
         out: Folder to write; an earlier campaign in it is replaced. Without it: campaigns/NAME, or campaigns/NAME-2, ... if that exists.
         set_: KEY=VALUE, replaces one key of the scenario, as in --set failures.0.to=0.35; repeat --set for each key.
+        use: MODULE:ATTRIBUTE or FILE.py:ATTRIBUTE, code outside flightbed that the scenario names and that may be imported and run.
         json: Print what summary.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
     from flightbed import campaign as campaigns
+    from flightbed.extension import check_named, using
     from flightbed.scenario import load_scenario
     from flightbed.screen import campaign_lines, progress_bar
 
-    settings = load_scenario(scenario, set_ or ())
-    place = out if out is not None else Path("campaigns") / settings.name
-    with progress_bar() as progress:
+    with using(*(use or ())), progress_bar() as progress:
+        settings = load_scenario(scenario, set_ or ())
+        check_named(settings, use or ())
+        place = out if out is not None else Path("campaigns") / settings.name
         flown, written = campaigns.run(
             settings, place, runs=runs, workers=workers, replace=out is not None, progress=progress
         )
@@ -330,7 +337,7 @@ def reproduce(
     runs: Annotated[int | None, Parameter(show_default=False)] = None,
     out: Path | None = None,
     workers: Annotated[int | None, Parameter(show_default=False)] = None,
-    json: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    json: Flag = False,
 ) -> None:
     """Recompute a published study, ours beside the printed values, and leave a folder with report and results.
 
@@ -372,21 +379,6 @@ def list_(family: Family | None = None, /) -> None:
         family: Only this family.
 
     """
-    from flightbed import data, registry
-    from flightbed.linear_aircraft import load_flyable
-    from flightbed.scenario import load_scenario
+    from flightbed.screen import list_lines
 
-    def lines(family: str) -> list[tuple[str, str]]:
-        if family == "aircraft":
-            return [(name, load_flyable(name).description) for name in data.names("aircraft")]
-        if family == "scenarios":
-            return [(name, load_scenario(name).description) for name in data.names("scenario")]
-        return [(name, registry.summary(family, name)) for name in registry.names(family)]
-
-    for name in [family] if family else ["aircraft", "scenarios", *registry.FAMILIES]:
-        if not family:
-            _out.print(f"[bold]{name}[/bold]")
-        entries = lines(name)
-        width = max((len(entry) for entry, _ in entries), default=0)
-        for entry, text in entries:
-            _out.print(f"{'' if family else '  '}{entry:<{width}}  {escape(text)}", soft_wrap=True)
+    _print(list_lines(family))

@@ -134,6 +134,11 @@ def carried(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
         yield
 
 
+def permits(summary: Mapping[str, Any]) -> str:
+    """Return the options that permit what a flight used, for the command that flies it again; its summary says what it used."""
+    return "".join(f" --use {own['name']}" for own in summary.get("extensions", ()) if ":" in own["name"])
+
+
 def named_by(scenario: Scenario) -> tuple[Extension, ...]:
     """Return the permitted code that a scenario names, each once."""
     kinds = (scenario.command.kind, *(f.kind for f in scenario.failures), scenario.control.law)

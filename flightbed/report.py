@@ -10,6 +10,7 @@ import numpy as np
 
 from flightbed.card import correction, events, failures, flown, gusts, kept_pace, outcome
 from flightbed.document import Cell, Document, Listing, Section, Table
+from flightbed.extension import permits
 from flightbed.figures import pictures
 from flightbed.short_period import ShortPeriod
 
@@ -58,7 +59,7 @@ def run_report(result: Result) -> Document:
         _numbers(result),
         Section("What happened when", (), [_events(result)]),
         _design(result),
-        again(scenario.to_toml(), "", summary["versions"]),
+        again(scenario.to_toml(), permits(summary), summary["versions"]),
     ]
     condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     title = f"{scenario.name}: {result.plan.aircraft.name} at {condition}, seed {scenario.seed}"
@@ -191,7 +192,7 @@ def again(toml: str, override: str, versions: dict[str, str]) -> Section:
 
     Args:
         toml: the complete scenario.
-        override: what the command adds to it, ``""`` or ``" --set KEY=VALUE"``.
+        override: what the command adds to it, such as ``" --set KEY=VALUE"``.
         versions: package -> version.
 
     """

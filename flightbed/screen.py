@@ -123,7 +123,7 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
     """Tell how the flights of a campaign went: how many departed, the medians, the worst, and where the rest is."""
     from flightbed.campaign_report import lead
 
-    told, seed = lead(campaign), campaign.worst.summary["seed"]
+    told = lead(campaign)
     yield Text.from_markup(f"[bold]{campaign.scenario.name}[/bold]: {escape(campaign.scenario.description)}")
     for paragraph in told.text:
         yield Padding(escape(paragraph), (0, 2))
@@ -136,7 +136,7 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
                 medians = [cell.estimate if isinstance(cell, Interval) else cell for cell in row]
                 grid.add_row(*(escape(cell) for cell in table.shown(medians)))
             yield Padding(grid, (0, 1))
-    yield f"  again: flightbed run {escape(str(written))}/scenario.toml --set seed={seed}"
+    yield f"  again: flightbed run {escape(str(written))}/scenario.toml{escape(campaign.override)}"
     yield f"  {len(campaign.flights)} flights in {campaign.wall_time_s:.1f} s; written to {escape(str(written))}"
 
 
@@ -163,3 +163,25 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
         f"  {held} of {len(claims)} claims hold; {facts['flights']} flights in {facts['wall_time_s']:.0f} s; "
         f"{len(document.pictures())} figures; written to {escape(str(written))}"
     )
+
+
+def list_lines(family: str | None) -> Iterator[RenderableType]:
+    """Tell what there is, one line each: of one family, or of all."""
+    from flightbed import data, registry
+    from flightbed.linear_aircraft import load_flyable
+    from flightbed.scenario import load_scenario
+
+    def entries(family: str) -> list[tuple[str, str]]:
+        if family == "aircraft":
+            return [(name, load_flyable(name).description) for name in data.names("aircraft")]
+        if family == "scenarios":
+            return [(name, load_scenario(name).description) for name in data.names("scenario")]
+        return [(name, registry.summary(family, name)) for name in registry.names(family)]
+
+    for one in [family] if family else ["aircraft", "scenarios", *registry.FAMILIES]:
+        if not family:
+            yield f"[bold]{one}[/bold]"
+        found = entries(one)
+        width = max((len(name) for name, _ in found), default=0)
+        for name, text in found:
+            yield f"{'' if family else '  '}{name:<{width}}  {escape(text)}"

@@ -244,3 +244,21 @@ def test_what_a_terminal_shows(flown: Campaign) -> None:
     error = flown.quantity("scheduled.median_abs_error_post").median.estimate
     (row,) = (line.split() for line in shown.splitlines() if line.startswith("  scheduled "))
     assert row[1] == f"{error:.3g}"
+
+
+def test_own_code_flies_in_workers_and_in_the_worst_flights_command(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "from flightbed.estimation.loop_gain import LoopGain\nfrom flightbed.factories import loop_gain_config\n\n\n"
+        "def make(settings, onboard):\n    return LoopGain(loop_gain_config(settings), onboard)\n"
+    )
+    keys = ["--set", "estimators.0.kind=mine.py:make", "--set", "duration_s=1", "--set", "failures.0.at_s=0.5"]
+    command = ["campaign", "elevator-loss", "--runs", "2", *keys, "--use", "mine.py:make", "--json", "--out", "c"]
+    done = flightbed(*command, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    seed = json.loads(done.stdout)["worst"]["seed"]
+    again = json.loads(done.stdout)["worst"]["command"]
+    assert again == f"flightbed run FOLDER/scenario.toml --set seed={seed} --use mine.py:make"
+    assert again in (tmp_path / "c" / "report.html").read_text()
+    refused = flightbed("campaign", "elevator-loss", "--runs", "2", *keys, cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "add --use mine.py:make to allow it" in refused.stderr
