@@ -1,4 +1,4 @@
-# Two doors. `make run` sets up and flies the main scenario; `make test` sets up and checks everything.
+# Two doors. `make run` sets up, flies the main scenario and compares; `make test` sets up and checks everything.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -7,11 +7,13 @@ READY := $(VENV)/.ready
 .PHONY: run test setup clean
 
 run: setup
+	$(BIN)/flightbed run nominal --out runs/nominal
 	$(BIN)/flightbed run elevator-loss --out runs/elevator-loss
 	$(BIN)/flightbed run elevator-loss-fixed --out runs/elevator-loss-fixed
+	$(BIN)/flightbed compare runs/nominal runs/elevator-loss runs/elevator-loss-fixed --out comparisons/elevator-loss
 	@echo
 	@echo "The same loss twice: corrected by 1/K the aircraft is kept, with the fixed law it departs."
-	@echo "Look:  $(BIN)/flightbed view runs/elevator-loss"
+	@echo "Look:  $(BIN)/flightbed view comparisons/elevator-loss   or open runs/elevator-loss/report.html"
 
 test: setup
 	$(BIN)/ruff check .

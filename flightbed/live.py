@@ -33,7 +33,7 @@ HEADER = struct.Struct("<cI")  # kind and length of what follows
 FLIGHT, ROWS, RESULT = b"F", b"R", b"E"
 _TICKS, _SECONDS = 5, 0.03  # at least so many ticks are sent together, and no sooner than so long after the last ones
 _QUEUE = 4096  # messages that may wait
-_OPENING_S, _CLOSING_S = 40.0, 15.0
+_OPENING_S, _CLOSING_S, _BREAKING_S = 40.0, 15.0, 1.0
 
 
 def _ignore(_text: str) -> None:
@@ -68,6 +68,7 @@ class Live:
     _told: threading.Event = field(default_factory=threading.Event, init=False)
     _threads: list[threading.Thread] = field(default_factory=list, init=False)
     _gone: bool = field(default=False, init=False)
+    _over: bool = field(default=False, init=False)
 
     def start(self, shown: Shown) -> None:
         """Find or open the viewer; returns when it is ready for the flight, or told that there will be none."""
@@ -112,18 +113,22 @@ class Live:
 
     def finish(self, card: str, events: Sequence[tuple[float, str, bool]]) -> None:
         """Show the card and the events of the flight that is over."""
+        self._over = True
         self._put(RESULT, json.dumps({"card": card, "events": list(events)}).encode())
 
     def close(self) -> None:
-        """Let what was sent arrive, for some seconds at most, and end; the viewer stays open."""
+        """Let what was sent arrive, for some seconds at most, and end; the viewer stays open. Of a flight that broke off nothing has to."""
         if self._process is None:
             return
+        patience = 0.0 if self._gone else _CLOSING_S if self._over else _BREAKING_S
         with suppress(queue.Full):
-            self._queue.put(b"", timeout=0.0 if self._gone else _CLOSING_S)
+            self._queue.put(b"", timeout=patience)
         try:
-            self._process.wait(0.0 if self._gone else _CLOSING_S)
+            self._process.wait(patience)
         except subprocess.TimeoutExpired:
-            self._lose(f"did not take the whole flight within {_CLOSING_S:g} s")
+            if self._over:
+                self._lose(f"did not take the whole flight within {patience:g} s")
+            self._gone = True
             self._process.kill()
             self._process.wait()
         for thread in self._threads:

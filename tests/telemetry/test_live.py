@@ -21,7 +21,7 @@ from flightbed.mission import Result, run
 from flightbed.pacing import WallClock
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.telemetry import viewer
-from tests.command_line import assert_one_clear_line, flightbed
+from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
 from tests.telemetry.viewers import needs_viewer
 
 SHORT = ["duration_s=3", "failures.0.at_s=1"]
@@ -152,6 +152,21 @@ def test_what_does_not_fit_is_dropped_and_told_once(monkeypatch: pytest.MonkeyPa
         live._put(live_module.ROWS, b"x")
     assert len(said) == 1
     assert "does not keep up" in said[0]
+
+
+def test_an_interrupted_live_flight_ends_at_once_and_leaves_nothing(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0), backlog=50) as server:  # hangs
+        where = f"127.0.0.1:{server.getsockname()[1]}"
+        command = [*COMMAND, "run", "elevator-loss", "--realtime", "--rerun", "live", "--viewer", where, "--out", "x"]
+        process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts)
+        time.sleep(6.0)
+        process.send_signal(signal.SIGINT)
+        began = time.monotonic()
+        _, said = process.communicate(timeout=20.0)
+    assert process.returncode == 130
+    assert time.monotonic() - began < 8.0
+    assert said == "flightbed: interrupted; nothing was written\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("text", ["host", ":9876", "host:", "host:port", "host:0", "host:70000"])

@@ -1,0 +1,41 @@
+"""Makes the pictures of the README: a flight and a comparison in the viewer, and the report of the flight in a browser.
+
+    python docs/pictures.py
+
+The viewer needs a Vulkan driver (in software: mesa-vulkan-drivers), the report Chromium.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from flightbed import comparison, load_scenario, run
+from flightbed.comparison_report import comparison_report
+from flightbed.folder import recording_of, write_comparison
+from flightbed.telemetry import viewer
+
+HERE = Path(__file__).parent
+NAMES = ("nominal", "elevator-loss", "elevator-loss-fixed")
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as scratch:
+        folders = {name: run(load_scenario(name), Path(scratch) / name).folder or Path(scratch) for name in NAMES}
+        runs = comparison.load_runs(list(folders.values()))
+        compared = write_comparison(runs, comparison_report(runs), Path(scratch) / "compared", replace=False)
+        viewer.picture(recording_of(folders["elevator-loss"]), HERE / "viewer.png", at_s=7.0)
+        viewer.picture(recording_of(compared), HERE / "comparison.png", at_s=6.6)
+        browser = shutil.which("chromium") or shutil.which("google-chrome")
+        if browser is None:
+            raise SystemExit("docs/pictures.py: no Chromium for the picture of the report; install chromium")
+        page = (folders["elevator-loss"] / "report.html").as_uri()
+        options = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1100,1500"]
+        target = f"--screenshot={HERE / 'report.png'}"
+        subprocess.run([browser, *options, target, page], check=True, capture_output=True)
+
+
+if __name__ == "__main__":
+    main()
