@@ -5,33 +5,40 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from flightbed import palette
 from flightbed.card import outcome
+from flightbed.consistency import idle_keys
 from flightbed.document import Cell, Table
-from flightbed.errors import OutputError
+from flightbed.errors import FlightbedError, OutputError
 from flightbed.folder import folder_of
+from flightbed.scenario import load_scenario
 from flightbed.trace import Trace, read_trace
 
-# heading, unit -> key in metrics.json
+# heading, with its unit -> key in metrics.json
 _FLIGHT = {
-    ("tracking RMS before the failure", "deg/s"): "tracking_rms_pre_deg_s",
-    ("tracking RMS from 0.3 s after the failure", "deg/s"): "tracking_rms_post_deg_s",
-    ("elevator command at a stop", "share"): "elevator_at_stop_share",
-    ("flown", "s"): "flown_s",
+    "RMS before, deg/s": "tracking_rms_pre_deg_s",
+    "RMS after, deg/s": "tracking_rms_post_deg_s",
+    "at a stop, share": "elevator_at_stop_share",
+    "flown, s": "flown_s",
 }
 _ESTIMATOR = {
-    ("median error of K", "share"): "median_abs_error_post",
-    ("RMS error of smoothed K", "share"): "rms_error_smoothed_post",
-    ("K first within 20 %, after", "s"): "first_within_20pct_s",
-    ("change declared, after", "s"): "detected_at_s",
-    ("mean NIS", "1"): "nis_mean",
+    "- median error, share": "median_abs_error_post",
+    "- RMS smoothed, share": "rms_error_smoothed_post",
+    "- within 20 %, s": "first_within_20pct_s",
+    "- change found, s": "detected_at_s",
+    "- mean NIS, 1": "nis_mean",
 }
+_NOTE = (
+    "RMS is of q - q_ref, before the first failure and from 0.3 s after it. Of each estimator: the errors of K from 0.3 s after the "
+    "failure, how long after it K was first within 20 % and a change was declared, and NIS (2 is right). In brackets the difference from "
+    "the first run."
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,7 @@ class Run:
         trace: the flight.
         summary: what metrics.json holds.
         settings: every key of the resolved scenario, dotted, and its value.
+        idle: those of them that have no effect.
         watched: the estimator to look at: the one that adapts, else the first; None without any.
 
     """
@@ -55,6 +63,7 @@ class Run:
     trace: Trace
     summary: Mapping[str, Any]
     settings: Mapping[str, Any]
+    idle: Collection[str]
     watched: str | None
 
     @property
@@ -65,8 +74,8 @@ class Run:
 
     @property
     def outcome(self) -> str:
-        """How it ended, in words."""
-        return outcome(dict(self.summary))
+        """How it ended, in a few words."""
+        return outcome(dict(self.summary)).partition(",")[0]
 
 
 def load_runs(folders: Sequence[str | Path]) -> tuple[Run, ...]:
@@ -78,11 +87,14 @@ def load_runs(folders: Sequence[str | Path]) -> tuple[Run, ...]:
         if place.resolve() in [p.resolve() for p in places[:i]]:
             raise OutputError(f"compare: {place}: is named twice")
     read = [_read(place) for place in places]
-    labels = _labels([(str(settings["name"]), place) for settings, _, place in read])
+    labels = _labels([(str(one.settings["name"]), one.place) for one in read])
     return tuple(
-        Run(place, label, palette.run(i), read_trace(place / "trace.parquet"), summary, settings, _watched(settings))
-        for i, (label, (settings, summary, place)) in enumerate(zip(labels, read, strict=True))
-    )
+        Run(
+            one.place, label, palette.run(i), read_trace(one.place / "trace.parquet"), one.summary, one.settings, one.idle,
+            _watched(one.settings),
+        )
+        for i, (label, one) in enumerate(zip(labels, read, strict=True))
+    )  # fmt: skip
 
 
 def short_name(runs: Sequence[Run]) -> str:
@@ -90,20 +102,36 @@ def short_name(runs: Sequence[Run]) -> str:
     return "-".join(re.sub("[^A-Za-z0-9]+", "-", run.label).strip("-") for run in runs)[:80].strip("-")
 
 
-def _read(place: Path) -> tuple[dict[str, Any], dict[str, Any], Path]:
+class _Read(NamedTuple):
+    settings: dict[str, Any]
+    summary: dict[str, Any]
+    place: Path
+    idle: Collection[str]
+
+
+def _read(place: Path) -> _Read:
     """Return the settings and the metrics of a run; the scenario's names of algorithms are not looked up."""
     for file in ("scenario.toml", "trace.parquet"):
         if not (place / file).is_file():
             raise OutputError(f"{place}: not a run's folder (no {file})")
     try:
-        scenario = tomllib.loads((place / "scenario.toml").read_text(encoding="utf-8"))
+        text = (place / "scenario.toml").read_text(encoding="utf-8")
+        scenario = tomllib.loads(text)
         summary = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise OutputError(f"{place}: cannot be read: {error}") from None
     settings = _flat(scenario)
     if "name" not in settings or "estimators" not in summary or "flown_s" not in summary:
         raise OutputError(f"{place}: not a run of this version of flightbed; fly its scenario.toml again")
-    return settings, summary, place
+    return _Read(settings, summary, place, _idle(scenario))
+
+
+def _idle(scenario: Mapping[str, Any]) -> Collection[str]:
+    """Return the keys that have no effect; none where code outside flightbed is named, which is not loaded to look at a run."""
+    try:
+        return idle_keys(load_scenario(scenario))
+    except FlightbedError:
+        return ()
 
 
 def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
@@ -139,34 +167,29 @@ def differing(runs: Sequence[Run]) -> Table:
     keys = dict.fromkeys(key for run in runs for key in run.settings)
     rows: list[list[Cell]] = []
     for key in keys:
-        values = [run.settings.get(key) for run in runs]
+        values = [run.settings.get(key) for run in runs if key not in run.idle]
         if key not in ("name", "description") and any(value != values[0] for value in values):
-            rows.append([key, *("-" if value is None else _word(value) for value in values)])
+            shown = ["no effect" if key in run.idle else _word(run.settings.get(key)) for run in runs]
+            rows.append([key, *shown])
     return Table("settings", "Settings that differ", ["key", *(run.label for run in runs)], rows)
 
 
 def _word(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    return "-" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def metrics_table(runs: Sequence[Run]) -> Table:
     """Return the metrics of all runs, and how far the later ones are from the first."""
-    rows: list[list[Cell]] = [["outcome", "", *(run.outcome for run in runs)]]
-    rows.append(["largest |alpha|", "deg", *_against_first([_largest(run, "alpha_deg") for run in runs])])
-    rows.append(["largest |nz|", "g", *_against_first([_largest(run, "nz_g") for run in runs])])
-    rows += [
-        [text, unit, *_against_first([run.summary.get(key) for run in runs])] for (text, unit), key in _FLIGHT.items()
-    ]
+    rows: list[list[Cell]] = [["outcome", *(run.outcome for run in runs)]]
+    rows.append(["largest |alpha|, deg", *_against_first([_largest(run, "alpha_deg") for run in runs])])
+    rows.append(["largest |nz|, g", *_against_first([_largest(run, "nz_g") for run in runs])])
+    rows += [[text, *_against_first([run.summary.get(key) for run in runs])] for text, key in _FLIGHT.items()]
     for name in dict.fromkeys(name for run in runs for name in run.summary["estimators"]):
-        for (text, unit), key in _ESTIMATOR.items():
+        rows.append([name, *("" for _ in runs)])
+        for text, key in _ESTIMATOR.items():
             values = [run.summary["estimators"].get(name, {}).get(key) for run in runs]
-            rows.append([f"{name}: {text}", unit, *_against_first(values)])
-    return Table(
-        "metrics",
-        f"Metrics; in brackets the difference from {runs[0].label}",
-        ["", "unit", *(run.label for run in runs)],
-        rows,
-    )
+            rows.append([text, *_against_first(values)])
+    return Table("metrics", "Metrics", ["", *(run.label for run in runs)], rows, note=_NOTE)
 
 
 def _largest(run: Run, column: str) -> float | None:
@@ -180,9 +203,9 @@ def _against_first(values: Sequence[float | None]) -> list[str]:
         if value is None:
             shown.append("-")
         elif i == 0 or first is None:
-            shown.append(f"{value:.4g}")
+            shown.append(f"{value:.3g}")
         else:
-            shown.append(f"{value:.4g} ({value - first:+.2g})")
+            shown.append(f"{value:.3g} ({value - first:+.2g})" if value != first else f"{value:.3g} (same)")
     return shown
 
 

@@ -85,6 +85,8 @@ def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableT
         for row in table.rows:
             grid.add_row(*(escape(cell) for cell in table.shown(row)))
         yield grid
+        if table.note:
+            yield Padding(Text(table.note, style="dim"), (0, 1))
     yield f"  written to {escape(str(written))}; look: flightbed view {escape(str(written))}"
 
 

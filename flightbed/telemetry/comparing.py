@@ -141,4 +141,4 @@ def _markdown(table: Table) -> str:
         return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
     rows = "".join(row(table.shown(cells)) for cells in table.rows)
-    return f"## {table.title}\n\n{row(table.columns)}|{'---|' * len(table.columns)}\n{rows}"
+    return f"## {table.title}\n\n{row(table.columns)}|{'---|' * len(table.columns)}\n{rows}\n{table.note}\n"
