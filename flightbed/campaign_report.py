@@ -104,7 +104,7 @@ def lead(campaign: Campaign) -> Section:
         "median |K-hat - K|",
         "within 20 % after, s",
         "alarm after, s",
-        "mean NIS (2 is right)",
+        "mean NIS (if right)",
         "NEES (1 is right)",
     )
     rows: list[list[Cell]] = []

@@ -24,8 +24,16 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
     pace = f"- real time: {kept_pace(summary)}\n" if summary["realtime"] else ""
     estimators = "".join(
         f"| {name} | {_show(m['median_abs_error_post'], '.3f')} | {_show(m['rms_error_smoothed_post'], '.3f')} "
-        f"| {_show(m['first_within_20pct_s'], '.2f')} | {_show(m['nis_mean'], '.2f')} |\n"
+        f"| {_show(m['first_within_20pct_s'], '.2f')} | {_show(m['nis_mean'], '.2f')} | {_show(m['nis_expected'], 'g')} |\n"
         for name, m in summary["estimators"].items()
+    )
+    before, after = (_show(summary[f"tracking_rms_{when}_deg_s"], ".2f") for when in ("pre", "post"))
+    tracking = f"{before} deg/s before, {after} deg/s from 0.3 s after the failure"
+    own = "; ".join(f"{code['name']}, SHA-256 {(code['sha256'] or 'unknown')[:12]}" for code in summary["extensions"])
+    own_line = f"- own code: {own}\n" if own else ""
+    table = (
+        f"| estimator | median abs. error | smoothed RMS error | first within 20 %, s | mean NIS | NIS if right |\n"
+        f"|---|---|---|---|---|---|\n{estimators}\n"
     )
     return (
         f"# {scenario.name}\n\n{scenario.description}\n\n"
@@ -33,13 +41,18 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
         f"**{outcome(summary)}**\n\n"
         f"- trim: alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg\n"
         f"- law: {scenario.control.law}; {correction(scenario)}\n"
-        f"- tracking RMS: {_show(summary['tracking_rms_pre_deg_s'], '.2f')} deg/s before, "
-        f"{_show(summary['tracking_rms_post_deg_s'], '.2f')} deg/s from 0.3 s after the failure\n{pace}\n"
-        f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
-        f"- gusts: {'; '.join(gusts(scenario)) or 'none'}\n\n"
-        f"| estimator | median abs. error | smoothed RMS error "
-        f"| first within 20 %, s | mean NIS (2) |\n|---|---|---|---|---|\n{estimators}\n"
+        f"- tracking RMS: {f'{before} deg/s' if summary['failed_at_s'] is None else tracking}\n{pace}"
+        f"{_happening(scenario)}{own_line}\n"
+        f"{table if estimators else ''}"
         f"flightbed {summary['versions']['flightbed']}, JSBSim {summary['versions']['jsbsim']}\n"
+    )
+
+
+def _happening(scenario: Scenario) -> str:
+    """Return the lines of a card on what happens to the aircraft."""
+    return (
+        f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
+        f"- air: turbulence {scenario.atmosphere.turbulence}; gusts {'; '.join(gusts(scenario)) or 'none'}\n"
     )
 
 

@@ -137,7 +137,7 @@ def view(
     Args:
         run_folder: A folder that `flightbed run` or `flightbed compare` wrote.
         picture: Write what the viewer shows to this PNG file instead; needs no display.
-        at_s: Flight time in the picture, s.
+        at_s: Flight time in the picture, s; the end of the flight without it.
         tab: Page in the picture: overview, estimators or airframe.
 
     """
@@ -154,7 +154,7 @@ def view(
     if not viewer.has_display():
         raise OutputError(
             f"there is no display for the viewer; write a picture, --picture FILE.png, or copy {recording} to a machine that has one, "
-            f"or serve it to a browser: rerun --web-viewer {recording}"
+            f"or serve it to a browser: rerun --bind 127.0.0.1 --web-viewer {recording}"
         )
     return viewer.view(recording)
 

@@ -7,9 +7,11 @@ import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import ceil, isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from flightbed import palette
 from flightbed.card import outcome
@@ -18,7 +20,7 @@ from flightbed.document import Cell, Table
 from flightbed.errors import FlightbedError, OutputError
 from flightbed.folder import folder_of
 from flightbed.scenario import load_scenario
-from flightbed.trace import Trace, read_trace
+from flightbed.trace import Trace, Vector, read_trace
 
 # heading, with its unit -> key in metrics.json
 _FLIGHT = {
@@ -36,7 +38,7 @@ _ESTIMATOR = {
 }
 _NOTE = (
     "RMS is of q - q_ref, before the first failure and from 0.3 s after it. Of each estimator: the errors of K from 0.3 s after the "
-    "failure, how long after it K was first within 20 % and a change was declared, and NIS (2 is right). In brackets the difference from "
+    "failure, how long after it K was first within 20 % and a change was declared, and NIS, in the mean. In brackets the difference from "
     "the first run."
 )
 
@@ -68,9 +70,10 @@ class Run:
 
     @property
     def failures_s(self) -> tuple[float, ...]:
-        """When failures begin."""
-        times = {float(v) for k, v in self.settings.items() if k.startswith("failures.") and k.endswith(".at_s")}
-        return tuple(sorted(times))
+        """When failures begin, of those that the flight reached."""
+        hz, end = float(self.settings["rates.control_hz"]), float(self.trace["t_s"][-1])
+        times = {ceil(v * hz - 1e-6) / hz for k, v in self.settings.items() if re.fullmatch(r"failures\.\d+\.at_s", k)}
+        return tuple(sorted(t_s for t_s in times if t_s <= end + 1e-9))
 
     @property
     def outcome(self) -> str:
@@ -99,7 +102,8 @@ def load_runs(folders: Sequence[str | Path]) -> tuple[Run, ...]:
 
 def short_name(runs: Sequence[Run]) -> str:
     """Return a folder's name for a comparison: the labels, as far as they fit."""
-    return "-".join(re.sub("[^A-Za-z0-9]+", "-", run.label).strip("-") for run in runs)[:80].strip("-")
+    words = (re.sub(r"\W+", "-", run.label).strip("-") for run in runs)
+    return "-".join(word for word in words if word)[:80].strip("-") or "comparison"
 
 
 class _Read(NamedTuple):
@@ -110,7 +114,7 @@ class _Read(NamedTuple):
 
 
 def _read(place: Path) -> _Read:
-    """Return the settings and the metrics of a run; the scenario's names of algorithms are not looked up."""
+    """Return the settings and the metrics of a run; code outside flightbed that it names is not loaded."""
     for file in ("scenario.toml", "trace.parquet"):
         if not (place / file).is_file():
             raise OutputError(f"{place}: not a run's folder (no {file})")
@@ -121,7 +125,8 @@ def _read(place: Path) -> _Read:
     except (OSError, ValueError) as error:
         raise OutputError(f"{place}: cannot be read: {error}") from None
     settings = _flat(scenario)
-    if "name" not in settings or "estimators" not in summary or "flown_s" not in summary:
+    wanted = ("estimators", "flown_s", "failed_at_s", "departed", "departed_at_s", "ended")
+    if not {"name", "rates.control_hz"} <= set(settings) or not all(key in summary for key in wanted):
         raise OutputError(f"{place}: not a run of this version of flightbed; fly its scenario.toml again")
     return _Read(settings, summary, place, _idle(scenario))
 
@@ -160,6 +165,12 @@ def _watched(settings: Mapping[str, Any]) -> str | None:
         return str(settings["adaptation.estimator"])
     name = settings.get("estimators.0.name")
     return None if name is None else str(name)
+
+
+def same_line(t_s: Vector, values: Vector, other_t_s: Vector, other: Vector) -> bool:
+    """Tell whether a line is the beginning of another, at the same times."""
+    n = len(t_s)
+    return n <= len(other_t_s) and np.array_equal(t_s, other_t_s[:n]) and np.array_equal(values, other[:n])
 
 
 def differing(runs: Sequence[Run]) -> Table:
@@ -220,9 +231,11 @@ def to_dict(runs: Sequence[Run]) -> dict[str, Any]:
 
 
 def _minus(these: Mapping[str, Any], those: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the differences of all numbers that both have."""
+    """Return the differences of all measured numbers that both have."""
     found: dict[str, Any] = {}
     for key, value in these.items():
+        if key == "seed":
+            continue
         other = those.get(key)
         if isinstance(value, Mapping) and isinstance(other, Mapping):
             if inner := _minus(value, other):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
 from flightbed import drawing, palette
-from flightbed.comparison import Run, differing, metrics_table
+from flightbed.comparison import Run, differing, metrics_table, same_line
 from flightbed.document import Document, Picture, Section
 from flightbed.trace import Vector
 
@@ -41,7 +42,7 @@ def comparison_report(runs: Sequence[Run]) -> Document:
         {
             "runs": ", ".join(str(run.folder) for run in runs),
             "versions": {"flightbed": version("flightbed")},
-            "again": "flightbed compare " + " ".join(str(run.folder) for run in runs),
+            "again": shlex.join(["flightbed", "compare", *(str(run.folder) for run in runs)]),
         },
     )
 
@@ -49,22 +50,21 @@ def comparison_report(runs: Sequence[Run]) -> Document:
 def _draw(runs: Sequence[Run]) -> str:
     with drawing.canvas(len(_ROWS), height=1.9) as (axes, svg):
         for row, (title, column, shared, color, name) in zip(axes, _ROWS, strict=True):
-            told: list[Vector] = []
+            told: list[tuple[Vector, Vector]] = []
             for run in runs:
                 t = run.trace["t_s"]
-                if shared and not any(
-                    (run.trace[shared] == other[: len(t)]).all() for other in told if len(other) >= len(t)
-                ):
-                    told.append(run.trace[shared])
+                if shared and not any(same_line(t, run.trace[shared], *other) for other in told):
+                    told.append((t, run.trace[shared]))
                     row.plot(t, run.trace[shared], color=color, label="_" if len(told) > 1 else name)
             for run in runs:
                 values = _values(run, column)
                 if values is not None:
-                    row.plot(run.trace["t_s"], values, color=run.color, label=run.label)
-            for t_s in sorted({t_s for run in runs for t_s in run.failures_s}):
-                drawing.mark(row, t_s)
+                    row.plot(run.trace["t_s"], values, color=run.color, label=_plain(run.label))
+            for i, t_s in enumerate(sorted({t_s for run in runs for t_s in run.failures_s})):
+                drawing.mark(row, t_s, label="_" if i else "failure")
             row.set_ylabel(title)
         drawing.legend(axes[0])
+        drawing.legend(axes[1])
         axes[-1].set_xlabel("t, s")
         text: Callable[[], str] = svg
         return text()
@@ -74,3 +74,8 @@ def _values(run: Run, column: str) -> Vector | None:
     if column != "effectiveness":
         return run.trace[column]
     return None if run.watched is None else run.trace[f"{run.watched}.effectiveness_smoothed"]
+
+
+def _plain(label: str) -> str:
+    """Return a label that matplotlib takes as it is: no mathematics, and shown even if it begins with an underscore."""
+    return "\u200b" + label.replace("$", r"\$")

@@ -45,7 +45,7 @@ def address(text: str | None) -> tuple[str, int]:
     if text is None:
         return HOST, PORT
     host, _, port = text.rpartition(":")
-    if not host or not port.isdigit() or not 0 < int(port) < 65536:
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise InputError(f"--viewer {text}: must be HOST:PORT, for example {HOST}:{PORT}")
     return host.strip("[]"), int(port)
 
@@ -67,12 +67,14 @@ class Live:
     _queue: queue.Queue[bytes] = field(default_factory=lambda: queue.Queue(_QUEUE), init=False)
     _told: threading.Event = field(default_factory=threading.Event, init=False)
     _threads: list[threading.Thread] = field(default_factory=list, init=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _gone: bool = field(default=False, init=False)
     _over: bool = field(default=False, init=False)
 
     def start(self, shown: Shown) -> None:
         """Find or open the viewer; returns when it is ready for the flight, or told that there will be none."""
-        command = [sys.executable, "-m", "flightbed.telemetry.streamer", self.host, str(self.port)]
+        # -P: nothing is imported from the folder that one happens to be in.
+        command = [sys.executable, "-P", "-m", "flightbed.telemetry.streamer", self.host, str(self.port)]
         try:
             self._process = process = subprocess.Popen(
                 command,
@@ -121,13 +123,21 @@ class Live:
         if self._process is None:
             return
         patience = 0.0 if self._gone else _CLOSING_S if self._over else _BREAKING_S
-        with suppress(queue.Full):
-            self._queue.put(b"", timeout=patience)
+        until = time.monotonic() + patience
         try:
-            self._process.wait(patience)
+            with suppress(queue.Full):
+                self._queue.put(b"", timeout=patience)
+            self._process.wait(max(0.0, until - time.monotonic()))
         except subprocess.TimeoutExpired:
             if self._over:
                 self._lose(f"did not take the whole flight within {patience:g} s")
+        except (
+            KeyboardInterrupt
+        ):  # the flight is over and written: an interrupt is not to wait for the viewer any longer
+            if not self._over:
+                raise
+            self._lose("did not take the whole flight before the interrupt")
+        finally:
             self._gone = True
             self._process.kill()
             self._process.wait()
@@ -164,6 +174,9 @@ class Live:
         self._told.set()
 
     def _lose(self, reason: str) -> None:
-        if not self._gone:
-            self._gone = True
-            self.notify(f"the viewer at {self.host}:{self.port} {reason}; the flight goes on without it")
+        with self._lock:
+            told, self._gone = self._gone, True
+        if not told:
+            self._told.set()
+            how = "it is flown and written without it" if self._over else "the flight goes on without it"
+            self.notify(f"the viewer at {self.host}:{self.port} {reason}; {how}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isfinite, log10
 from typing import Any
@@ -34,7 +35,8 @@ class EstimatorMetrics:
         std_pre: standard deviation of K-hat before the failure.
         first_within_20pct_s: first entry of K-hat into +-20 % of the true K.
         first_within_20pct_smoothed_s: the same of the smoothed K-hat.
-        nis_mean: mean normalized innovation squared; 2 (the number of measurements) if the filter's model holds.
+        nis_mean: mean normalized innovation squared, over the ticks that have one.
+        nis_expected: what that is if the estimator's model holds: the number of readings that it predicts; None if it does not say.
         detected_at_s: first alarm after the failure; None for estimators without a test, too.
         false_alarms: alarms before the failure.
         nees_mean_post: mean of ((K-hat - K) / sigma)^2 from 0.3 s after the failure, before the bounds; 1 if sigma is honest.
@@ -54,6 +56,7 @@ class EstimatorMetrics:
     false_alarms: int = 0
     nees_mean_post: float | None = None
     efficiency: float | None = None
+    nis_expected: float | None = None
 
 
 @dataclass(frozen=True)
@@ -81,13 +84,20 @@ class Metrics:
         return asdict(self)
 
 
-def measure(trace: Trace, *, alpha_trim_deg: float, failed_at_s: float | None) -> Metrics:
+def measure(
+    trace: Trace,
+    *,
+    alpha_trim_deg: float,
+    failed_at_s: float | None,
+    readings: Mapping[str, float | None] | None = None,
+) -> Metrics:
     """Compute the metrics of a flight.
 
     Args:
         trace: the flight.
         alpha_trim_deg: where departure counts from.
         failed_at_s: time of the first failure of any kind; None for a flight without, all of which is then "pre".
+        readings: of each estimator how many readings it predicts, as far as it says.
 
     """
     changed = trace["t_s"][trace["effectiveness_true"] != 1.0]
@@ -103,7 +113,9 @@ def measure(trace: Trace, *, alpha_trim_deg: float, failed_at_s: float | None) -
         tracking_rms_pre_deg_s=_rms(error[pre]),
         tracking_rms_post_deg_s=_rms(error[post]),
         estimators_since_s=since,
-        estimators={name: _estimator(trace, name, *phases) for name in trace.estimators},
+        estimators={
+            name: _estimator(trace, name, *phases, readings=(readings or {}).get(name)) for name in trace.estimators
+        },
     )
 
 
@@ -114,7 +126,9 @@ def _phases(trace: Trace, failed_at_s: float | None) -> tuple[Mask, Mask, Mask]:
     return t < start, t >= start, t >= start + SETTLING_S
 
 
-def _estimator(trace: Trace, name: str, pre: Mask, failed: Mask, post: Mask) -> EstimatorMetrics:
+def _estimator(
+    trace: Trace, name: str, pre: Mask, failed: Mask, post: Mask, *, readings: float | None
+) -> EstimatorMetrics:
     truth, estimate = trace["effectiveness_true"], trace[f"{name}.effectiveness"]
     smoothed, nis, t = trace[f"{name}.effectiveness_smoothed"], trace[f"{name}.nis"], trace["t_s"]
 
@@ -133,7 +147,8 @@ def _estimator(trace: Trace, name: str, pre: Mask, failed: Mask, post: Mask) -> 
         std_pre=_finite(np.std(estimate[pre])) if pre.any() else None,
         first_within_20pct_s=first_within(estimate),
         first_within_20pct_smoothed_s=first_within(smoothed),
-        nis_mean=_finite(np.mean(nis[1:])) if len(nis) > 1 else None,
+        nis_mean=_mean(nis[1:][np.isfinite(nis[1:])]),
+        nis_expected=readings,
     )
 
 

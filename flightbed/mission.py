@@ -92,13 +92,14 @@ def run(
     """
     target = None if out is None else check_target(Path(out), replace=replace)
     planned = plan(scenario)
-    if live is not None:
-        live.start(Shown.of(planned))
     try:
+        if live is not None:
+            live.start(Shown.of(planned))
         began = time.perf_counter()
-        trace = _collected(assemble(planned), scenario, pace, live)
+        flight = assemble(planned)
+        trace = _collected(flight, scenario, pace, live)
         wall = time.perf_counter() - began
-        trace, metrics = _measured(planned, trace)
+        trace, metrics = _measured(planned, flight, trace)
         result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall))
         if target is not None:
             result = dataclasses.replace(
@@ -115,7 +116,8 @@ def run(
 
 def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:
     """Fly what is planned, once, and measure it."""
-    return _measured(plan, _collected(assemble(plan), plan.scenario))
+    flight = assemble(plan)
+    return _measured(plan, flight, _collected(flight, plan.scenario))
 
 
 def _collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, live: Live | None = None) -> Trace:
@@ -131,11 +133,16 @@ def _collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, li
     return trace if pace is None else with_timings(trace, timings)
 
 
-def _measured(plan: Plan, trace: Trace) -> tuple[Trace, Metrics]:
+def _measured(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]:
     trace = _with_bound(plan, trace)
     trace = with_excitation(trace, m_delta=float(plan.design.b[1]), control_hz=plan.scenario.rates.control_hz)
     failed_at_s = _failed_at_s(plan.scenario, trace)
-    return trace, measure(trace, alpha_trim_deg=plan.trim.alpha_rad / DEG, failed_at_s=failed_at_s)
+    readings = {
+        name: getattr(estimator, "readings", None)
+        for name, estimator in zip(trace.estimators, flight.estimators, strict=True)
+    }
+    alpha_trim_deg = plan.trim.alpha_rad / DEG
+    return trace, measure(trace, alpha_trim_deg=alpha_trim_deg, failed_at_s=failed_at_s, readings=readings)
 
 
 def _failed_at_s(scenario: Scenario, trace: Trace) -> float | None:

@@ -10,7 +10,8 @@ REFERENCE, ACTUAL, COMMAND, TRUTH, FAILURE, OTHER = "#00a078", "#2a7fd4", "#cc84
 
 # Estimators, and runs beside each other, in order; a further one begins again.
 ESTIMATES = (ACTUAL, COMMAND, REFERENCE, OTHER)
-RUNS = (ACTUAL, COMMAND, OTHER, TRUTH, REFERENCE)
+RUNS = (ACTUAL, COMMAND, OTHER, "#a0714f", "#1f9aa8")  # beside them q reference, K true and failures are drawn
+DEPARTED = "#7a1f06"  # of a mode, whose name is written on it
 
 
 def estimate(index: int) -> str:

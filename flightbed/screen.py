@@ -103,7 +103,7 @@ def _estimates(summary: dict[str, Any]) -> Table:
     table = Table(box=None, header_style="dim", padding=(0, 1))
     for heading in ("  estimator", "K at end", "median", "smoothed,", "first in", "smoothed", "NIS"):
         table.add_column(heading, justify="left" if "estimator" in heading else "right", no_wrap=True)
-    table.add_row("", "", "|error|", "RMS error", "+-20 %", "in +-20 %", "(2 is right)", style="dim")
+    table.add_row("", "", "|error|", "RMS error", "+-20 %", "in +-20 %", "(if right)", style="dim")
     for name, m in summary["estimators"].items():
         table.add_row(
             f"  {name}",
@@ -112,9 +112,15 @@ def _estimates(summary: dict[str, Any]) -> Table:
             _number(m["rms_error_smoothed_post"], ".3f"),
             _number(m["first_within_20pct_s"], ".2f", " s"),
             _number(m["first_within_20pct_smoothed_s"], ".2f", " s"),
-            _number(m["nis_mean"]),
+            nis_words(m),
         )
     return table
+
+
+def nis_words(measured: dict[str, Any]) -> str:
+    """Return the mean NIS, and in brackets what it is if the estimator's model holds."""
+    expected = measured["nis_expected"]
+    return _number(measured["nis_mean"]) + ("" if expected is None else f" ({expected:g})")
 
 
 def _number(value: float | None, spec: str = ".2f", unit: str = "") -> str:

@@ -86,6 +86,8 @@ class LoopGain:
 
     """
 
+    readings = 2.0
+
     def __init__(self, config: LoopGainConfig, onboard: OnBoard) -> None:
         design, noise, control_hz = onboard.design, onboard.noise, onboard.control_hz
         if config.scheduled and onboard.schedule is None:

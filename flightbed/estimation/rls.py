@@ -58,6 +58,8 @@ class DifferentiatedRls:
 
     """
 
+    readings = 1.0
+
     def __init__(self, config: RlsConfig, onboard: OnBoard) -> None:
         if config.scheduled and onboard.schedule is None:
             raise ValueError("the estimator's model is the schedule, but there is none on board")

@@ -153,7 +153,7 @@ def _estimators(trace: Trace) -> list[Plot]:
             "excitation",
             "Excitation, deg/s^2",
             ESTIMATORS,
-            (_line("RMS of M_delta times deflection over 0.3 s, deg/s^2", palette.COMMAND, "excitation_deg_s2"),),
+            (_line("RMS of M_delta times deflection over 0.3 s, deg/s^2", palette.OTHER, "excitation_deg_s2"),),
         ),
     ]
 
@@ -220,6 +220,6 @@ def _airframe() -> list[Plot]:
             "cg_shift",
             "C.g. shift aft, % of the chord",
             AIRFRAME,
-            (_line("c.g. shift, %", palette.FAILURE, "cg_shift_cbar", 100.0),),
+            (_line("c.g. shift, %", palette.ACTUAL, "cg_shift_cbar", 100.0),),
         ),
     ]

@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 
 from flightbed import palette
-from flightbed.comparison import Run
+from flightbed.comparison import Run, same_line
 from flightbed.document import Table
 from flightbed.errors import OutputError
 from flightbed.telemetry import layout
@@ -22,7 +22,7 @@ from flightbed.telemetry.recording import APPLICATION
 from flightbed.trace import Vector
 
 APART_M = 20.0  # to the right, so that aircraft that fly alike are seen side by side
-_STATES = {"healthy": palette.REFERENCE, "failed": palette.COMMAND, "departed": palette.FAILURE, "over": palette.OTHER}
+_STATES = {"healthy": palette.REFERENCE, "failed": palette.FAILURE, "departed": palette.DEPARTED, "over": palette.OTHER}
 
 _PLOTS = (
     Plot("pitch_rate", "Pitch rate, deg/s", OVERVIEW, ()),
@@ -85,20 +85,14 @@ def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: S
     low, high = plot.range or (np.inf, -np.inf)
     if plot.key in _SHARED:
         column, label, color = _SHARED[plot.key]
-        told: list[Vector] = []
+        told: list[tuple[Vector, Vector]] = []
         for run, slug in zip(runs, slugs, strict=True):
-            values = run.trace[column]
-            if any(np.array_equal(values, other[: len(values)]) for other in told):
+            reference = run.trace[column]
+            if any(same_line(run.trace["t_s"], reference, *other) for other in told):
                 continue
-            told.append(values)
-            _line(
-                stream,
-                f"{plot.key}/{label.replace(' ', '_')}/{slug}",
-                f"{label}, {run.label}",
-                color,
-                run.trace["t_s"],
-                values,
-            )
+            told.append((run.trace["t_s"], reference))
+            entity = f"{plot.key}/{label.replace(' ', '_')}/{slug}"
+            _line(stream, entity, f"{label}, {run.label}", color, run.trace["t_s"], reference)
     for run, slug in zip(runs, slugs, strict=True):
         own = _column(run, plot)
         if own is not None:
@@ -108,11 +102,12 @@ def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: S
                 low, high = min(low, float(np.nanmin(own))), max(high, float(np.nanmax(own)))
     if not low < high:
         return
-    failures = np.array(sorted({t_s for run in runs for t_s in run.failures_s}))
-    if failures.size:
+    failures = sorted({t_s for run in runs for t_s in run.failures_s})
+    if failures:
         entity = f"{plot.key}/failure"
         _style(stream, entity, "failure", palette.FAILURE, "Off")
-        stream.send_columns(entity, indexes=time_of(np.repeat(failures, 3)), columns=upright(low, high, len(failures)))
+        times, values = upright(failures, low, high)
+        stream.send_columns(entity, indexes=time_of(times), columns=rr.Scalars.columns(scalars=values))
 
 
 def _line(stream: rr.RecordingStream, entity: str, label: str, color: str, t_s: Vector, values: Vector) -> None:

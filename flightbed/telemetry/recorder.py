@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -112,8 +111,9 @@ class Recorder:
         wanted = (low, high, len(reached))
         if reached and self._marked.get(plot.key) != wanted:
             self._marked[plot.key] = wanted
-            columns = upright(low, high, len(reached))
-            self._stream.send_columns(f"{plot.key}/failure", indexes=time_of(np.repeat(reached, 3)), columns=columns)
+            times, values = upright(reached, low, high)
+            columns = rr.Scalars.columns(scalars=values)
+            self._stream.send_columns(f"{plot.key}/failure", indexes=time_of(times), columns=columns)
 
     def _modes(self, trace: Trace, new: int) -> None:
         for lane in self._lanes:
@@ -125,6 +125,10 @@ class Recorder:
             self._state[lane.key] = int(found[-1])
 
 
-def upright(low: float, high: float, count: int) -> Any:
-    """Return columns of so many lines from low to high, each of two values and nothing, which ends it."""
-    return rr.Scalars.columns(scalars=np.tile([low, high], count)).partition([1, 1, 0] * count)
+def upright(times_s: Sequence[float], low: float, high: float) -> tuple[Vector, Vector]:
+    """Return times and values of an upright line at each time, joined along the upper and the lower edge in turn.
+
+    Neither nan nor no value ends a line well: the one makes equal recordings unequal, the other counts as 0.
+    """
+    ends = [(low, high) if i % 2 == 0 else (high, low) for i in range(len(times_s))]
+    return np.repeat(np.asarray(times_s, dtype=float), 2), np.array(ends, dtype=float).ravel()

@@ -65,7 +65,7 @@ def _opened(host: str, port: int) -> str:
     """Find the viewer, or open one; returns what to tell the flight."""
     if viewer.listens(host, port):
         return "ready"
-    if host not in (viewer.LOOPBACK, "localhost", "::1"):
+    if host not in (viewer.LOOPBACK, "localhost"):
         return "lost does not answer"
     if not viewer.has_display():
         return "lost is not there, and there is no display to open one on (docs/viewer.md: a viewer elsewhere)"
@@ -85,8 +85,10 @@ def _tell(text: str) -> None:
 
 def _end(text: str) -> None:
     """Say the last word and go, without what Rerun does at exit: it waits for a viewer that is not there."""
-    _say(text)
-    os._exit(0)
+    try:
+        _say(text)
+    finally:  # nobody may be listening any more
+        os._exit(0)
 
 
 def _say(text: str) -> None:

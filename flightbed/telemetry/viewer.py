@@ -13,7 +13,8 @@ from pathlib import Path
 from socket import create_connection, create_server
 from typing import Any
 
-from flightbed.errors import InputError, NotComputableError
+from flightbed.errors import InputError, NotComputableError, OutputError
+from flightbed.model_files import write_whole
 from flightbed.telemetry.layout import TIMELINE
 
 LOOPBACK = "127.0.0.1"
@@ -67,12 +68,15 @@ def launch(port: int, *options: str) -> subprocess.Popen[bytes]:
     quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     process = subprocess.Popen(command, start_new_session=True, **quiet)  # type: ignore[call-overload]
     until = time.monotonic() + _OPENING_S
-    while time.monotonic() < until and process.poll() is None:
-        if listens(LOOPBACK, port):
-            return process  # type: ignore[no-any-return]
-        time.sleep(0.05)
-    process.kill()
-    process.wait()
+    try:
+        while time.monotonic() < until and process.poll() is None:
+            if listens(LOOPBACK, port):
+                return process  # type: ignore[no-any-return]
+            time.sleep(0.05)
+    except BaseException:
+        _kill(process)
+        raise
+    _kill(process)
     raise NotComputableError("the viewer did not open: it needs a graphics driver (in software: mesa-vulkan-drivers)")
 
 
@@ -91,8 +95,12 @@ def headless(port: int | None = None) -> Iterator[Any]:
         _wait_until_drawing(client, process)
         yield client
     finally:
-        process.kill()
-        process.wait()
+        _kill(process)
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    process.kill()
+    process.wait()
 
 
 def _wait_until_drawing(client: Any, process: subprocess.Popen[bytes]) -> None:
@@ -111,16 +119,15 @@ def _wait_until_drawing(client: Any, process: subprocess.Popen[bytes]) -> None:
 def show_tab(client: Any, name: str) -> None:
     """Turn a viewer to a page of the layout. Raises InputError for one that there is not."""
     blueprint = client.get_blueprint("recording").blueprint
-    containers = {path: fields.get("ContainerBlueprint", {}) for path, fields in blueprint.items()}
-    named = {str(c["display_name"]): path for path, c in containers.items() if "display_name" in c}
-    for container in containers.values():
-        tabs = {named_as: path for named_as, path in named.items() if path in container.get("contents", ())}
-        path = next((path for named_as, path in tabs.items() if named_as.lower() == name.lower()), None)
-        if path is not None and "active_tab" in container:
-            container["active_tab"] = path
-            client.set_blueprint(blueprint, "recording")
-            return
-    raise InputError(f"--tab {name}: there is no such page; there are: {', '.join(sorted(named))}")
+    containers = {path.strip("/"): fields.get("ContainerBlueprint", {}) for path, fields in blueprint.items()}
+    inside = {str(path).strip("/") for container in containers.values() for path in container.get("contents", ())}
+    top = next(container for path, container in containers.items() if container and path not in inside)
+    pages = {containers[str(path).strip("/")].get("display_name", ""): path for path in top["contents"]}
+    found = next((path for title, path in pages.items() if title.lower() == name.lower()), None)
+    if found is None:
+        raise InputError(f"--tab {name}: there is no such page; there are: {', '.join(pages)}")
+    top["active_tab"] = found
+    client.set_blueprint(blueprint, "recording")
 
 
 def picture(recording: Path, target: Path, *, at_s: float | None = None, tab: str | None = None) -> None:
@@ -129,19 +136,34 @@ def picture(recording: Path, target: Path, *, at_s: float | None = None, tab: st
     Args:
         recording: the .rrd file.
         target: the .png file.
-        at_s: flight time that the cursor stands at; the start without.
+        at_s: flight time that the cursor stands at; the end without.
         tab: page of the layout; the first without.
 
-    """
-    from flightbed.model_files import write_whole
+    Raises:
+        InputError: a file that is not a .png, a time that the flight does not have, a page that the layout does not have.
+        OutputError: the recording cannot be read, the picture not written.
 
+    """
+    if target.suffix.lower() != ".png":
+        raise InputError(f"--picture {target}: must end in .png")
+    if not target.parent.is_dir():
+        raise OutputError(f"--picture {target}: there is no folder {target.parent}")
     with headless() as client:
-        client.open(str(recording.resolve()))
+        with suppress(Exception):  # it says in its own words, to nobody, what it cannot read
+            client.open(str(recording.resolve()))
+        timelines = [t for r in client.get_state().recordings for t in r.timelines if t.name == TIMELINE]
+        if not timelines:
+            raise OutputError(f"{recording}: not a recording that the viewer can read; fly the scenario again")
+        end_s = timelines[0].end / 1e9
+        if at_s is not None and not 0.0 <= at_s <= end_s:
+            raise InputError(f"--at-s {at_s:g}: must be within the flight, 0 to {end_s:g}")
         if tab is not None:
             show_tab(client, tab)
-        if at_s is not None:
-            client.set_time(TIMELINE, duration=at_s, play_state="paused")
+        client.set_time(TIMELINE, duration=end_s if at_s is None else at_s, play_state="paused")
         for _ in range(3):  # it draws when asked; its own messages go after some seconds of that
             time.sleep(_SETTLING_S)
             content = client.take_screenshot()
-    write_whole(target, content)
+    try:
+        write_whole(target, content)
+    except OutputError as error:
+        raise OutputError(str(error).replace("-o ", "--picture ")) from None
