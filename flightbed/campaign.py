@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from flightbed.campaign_table import NO_QUANTITIES, Quantity, Row, ended, flown_s, quantity, rows
+from flightbed.consistency import detectors
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.errors import InputError
 from flightbed.extension import permits
@@ -79,7 +80,7 @@ class Campaign:
 
     def quantity(self, column: str) -> Quantity:
         """Return a column of the table as a quantity of the flights."""
-        return quantity(self.rows, column)
+        return quantity(self.rows, column, tests=detectors(self.scenario))
 
     def quantities(self) -> list[Quantity]:
         """Return every number of the table that some flight has, but for seeds."""

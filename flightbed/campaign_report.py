@@ -14,7 +14,7 @@ from flightbed.campaign_table import Quantity
 from flightbed.card import correction, failures, flown, gusts, outcome
 from flightbed.document import Cell, Document, Listing, Picture, Section, Table, show
 from flightbed.ensemble import histories
-from flightbed.extension import permits
+from flightbed.extension import at_hand, permits
 from flightbed.figures import MARGIN, mark_changes, pictures
 from flightbed.report import ESTIMATOR_METRICS, again
 from flightbed.units import unit_of
@@ -56,7 +56,7 @@ def campaign_report(campaign: Campaign) -> Document:
         Section("Mean and one sigma", (), _histories(campaign)),
         Section("Medians", (), _medians(campaign)),
         _worst(campaign),
-        again(scenario.to_toml(), campaign.override, versions),
+        again(scenario.to_toml(), campaign.override, versions, at_hand(campaign.worst.summary)),
     ]
     condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     title = f"{scenario.name}: {len(flights)} flights of {aircraft} at {condition}"

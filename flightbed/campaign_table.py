@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import inf, isfinite
 from pathlib import Path
@@ -95,9 +95,15 @@ def rows(flights: Sequence[Flown], scenario: Scenario) -> list[Row]:
     ]
 
 
-def quantity(table: Sequence[Row], column: str) -> Quantity:
-    """Return a column of numbers as a quantity; what did not happen to an estimator after a failure never happened."""
-    happens = column.rpartition(".")[2] in _EVENTS
+def quantity(table: Sequence[Row], column: str, *, tests: Collection[str]) -> Quantity:
+    """Return a column of numbers as a quantity; what did not happen to an estimator after a failure never happened.
+
+    An alarm can happen to the estimators ``tests`` alone, and to those that raise one anyhow.
+    """
+    name, _, metric = column.rpartition(".")
+    happens = metric in _EVENTS and (
+        metric != "detected_at_s" or name in tests or any(row[column] is not None for row in table)
+    )
     values = []
     for row in table:
         value = row[column]

@@ -63,8 +63,7 @@ def plan_card(scenario: Scenario) -> str:
         f"# {scenario.name}\n\n{scenario.description}\n\n"
         f"**{scenario.aircraft.model}**, Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft, seed {scenario.seed}: in flight\n\n"
         f"- law: {scenario.control.law}; {correction(scenario)}\n"
-        f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
-        f"- gusts: {'; '.join(f'at {g.at_s:g} s {_blows(g)}' for g in scenario.gusts) or 'none'}\n"
+        f"{_happening(scenario)}"
     )
 
 
@@ -233,7 +232,7 @@ def _late(spells: list[Spell]) -> list[tuple[float, str, bool]]:
 
 
 def _ms(value: float) -> str:
-    return f"{value:.2g}" if value < 10.0 else f"{value:.0f}"
+    return "0" if value < 0.005 else f"{value:.2g}" if value < 10.0 else f"{value:.0f}"
 
 
 def _show(value: float | None, spec: str) -> str:

@@ -7,7 +7,7 @@ import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil, isfinite
+from math import ceil, inf, isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,13 +19,12 @@ from flightbed.consistency import idle_keys
 from flightbed.document import Cell, Table
 from flightbed.errors import FlightbedError, OutputError
 from flightbed.folder import folder_of
+from flightbed.metrics import SETTLING_S
 from flightbed.scenario import load_scenario
 from flightbed.trace import Trace, Vector, read_trace
 
 # heading, with its unit -> key in metrics.json
 _FLIGHT = {
-    "RMS before, deg/s": "tracking_rms_pre_deg_s",
-    "RMS after, deg/s": "tracking_rms_post_deg_s",
     "at a stop, share": "elevator_at_stop_share",
     "flown, s": "flown_s",
 }
@@ -37,8 +36,8 @@ _ESTIMATOR = {
     "- mean NIS, 1": "nis_mean",
 }
 _NOTE = (
-    "RMS is of q - q_ref, before the first failure and from 0.3 s after it. Of each estimator: the errors of K from 0.3 s after the "
-    "failure, how long after it K was first within 20 % and a change was declared, and NIS, in the mean. In brackets the difference from "
+    "RMS is of q - q_ref, of all runs over the same time, as long as each flew. Of each estimator: the errors of K from 0.3 s after the "
+    "run's failure, how long after it K was first within 20 % and a change was declared, and the mean NIS. In brackets the difference from "
     "the first run."
 )
 
@@ -194,6 +193,7 @@ def metrics_table(runs: Sequence[Run]) -> Table:
     rows: list[list[Cell]] = [["outcome", *(run.outcome for run in runs)]]
     rows.append(["largest |alpha|, deg", *_against_first([_largest(run, "alpha_deg") for run in runs])])
     rows.append(["largest |nz|, g", *_against_first([_largest(run, "nz_g") for run in runs])])
+    rows += [[text, *_against_first(values)] for text, values in tracking(runs).items()]
     rows += [[text, *_against_first([run.summary.get(key) for run in runs])] for text, key in _FLIGHT.items()]
     for name in dict.fromkeys(name for run in runs for name in run.summary["estimators"]):
         rows.append([name, *("" for _ in runs)])
@@ -201,6 +201,28 @@ def metrics_table(runs: Sequence[Run]) -> Table:
             values = [run.summary["estimators"].get(name, {}).get(key) for run in runs]
             rows.append([text, *_against_first(values)])
     return Table("metrics", "Metrics", ["", *(run.label for run in runs)], rows, note=_NOTE)
+
+
+def tracking(runs: Sequence[Run]) -> dict[str, list[float | None]]:
+    """Return the RMS of q - q_ref of all runs, over the same time: before the first failure of any of them, and from 0.3 s after it.
+
+    Metrics of a run count from its own failure, which a run without has not.
+    """
+    reached = [t_s for run in runs for t_s in run.failures_s]
+    if not reached:
+        return {"RMS, deg/s": [_rms(run, 0.0, inf) for run in runs]}
+    at_s = min(reached)
+    return {
+        f"RMS before {at_s:g} s, deg/s": [_rms(run, 0.0, at_s) for run in runs],
+        f"RMS from {at_s + SETTLING_S:g} s, deg/s": [_rms(run, at_s + SETTLING_S, inf) for run in runs],
+    }
+
+
+def _rms(run: Run, begin_s: float, end_s: float) -> float | None:
+    t = run.trace["t_s"]
+    error = (run.trace["q_deg_s"] - run.trace["q_ref_deg_s"])[(t >= begin_s - 1e-9) & (t < end_s - 1e-9)]
+    value = float(np.sqrt(np.mean(error**2))) if error.size else None
+    return value if value is not None and isfinite(value) else None
 
 
 def _largest(run: Run, column: str) -> float | None:
@@ -222,9 +244,10 @@ def _against_first(values: Sequence[float | None]) -> list[str]:
 
 def to_dict(runs: Sequence[Run]) -> dict[str, Any]:
     """Return the comparison for JSON: metrics of every run, differences from the first, settings that differ."""
-    table = differing(runs)
+    table, labels = differing(runs), [run.label for run in runs]
     return {
         "runs": [{"label": run.label, "folder": str(run.folder.resolve()), **run.summary} for run in runs],
+        "tracking": {text: dict(zip(labels, values, strict=True)) for text, values in tracking(runs).items()},
         "differences": {run.label: _minus(run.summary, runs[0].summary) for run in runs[1:]},
         "settings": {str(row[0]): dict(zip(table.columns[1:], row[1:], strict=True)) for row in table.rows},
     }
@@ -234,7 +257,9 @@ def _minus(these: Mapping[str, Any], those: Mapping[str, Any]) -> dict[str, Any]
     """Return the differences of all measured numbers that both have."""
     found: dict[str, Any] = {}
     for key, value in these.items():
-        if key == "seed":
+        if key == "seed" or key.startswith(
+            "tracking_rms_"
+        ):  # of different times, if one run has a failure; see tracking
             continue
         other = those.get(key)
         if isinstance(value, Mapping) and isinstance(other, Mapping):

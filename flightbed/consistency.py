@@ -163,3 +163,12 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
         if estimator.prior.state == "measurement":
             keys |= {f"{place}.prior.{key}": f"{place}.prior.state = 'measurement'" for key in _FIXED_PRIOR}
     return keys
+
+
+def detectors(scenario: Scenario) -> tuple[str, ...]:
+    """Return the names of the estimators that test for a change of K; of code outside flightbed nobody knows, until it raises an alarm."""
+    return tuple(
+        e.name
+        for e in scenario.estimators
+        if e.kind == "loop-gain" and e.memory == "window" and e.alarm_threshold > 0.0
+    )

@@ -8,6 +8,7 @@
     |   +-- UnknownNameError           a name that nothing is registered under; suggests the nearest
     |   +-- AircraftError              an aircraft folder, or a stock model, that does not fit
     |   +-- OutputError                a folder or file that cannot be read or written
+    |   +-- EstimateError              an estimator that corrects the law says what is no number
     |   +-- ExtensionError             code of the user's own that cannot be imported, or fails; its exception is the cause
     +-- NotComputableError             exit code 3: the input is sound, the answer does not exist
         +-- NoTrimError                no equilibrium within the limits; carries the nearest point found
@@ -75,6 +76,10 @@ class OutputError(InputError):
 
 class ExtensionError(InputError):
     """Code outside flightbed cannot be imported, or fails in flight; ``__cause__`` is the exception itself."""
+
+
+class EstimateError(InputError):
+    """The estimator that the law is corrected by says what is no number."""
 
 
 class NotComputableError(FlightbedError):

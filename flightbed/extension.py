@@ -11,6 +11,7 @@ import importlib
 import inspect
 import pickle
 import re
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -70,9 +71,9 @@ class Extension:
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel without the code: by name, or, without one, by reference to where it can be imported from."""
         if ":" in self.name:
-            return Packed, (self.name, None)
+            return Packed, (self.name, None, self.sha256)
         try:
-            return Packed, (self.name, pickle.dumps(self.factory))
+            return Packed, (self.name, pickle.dumps(self.factory), self.sha256)
         except Exception as error:
             raise ExtensionError(
                 f"own code {self.name}: cannot be sent to other processes ({line_of(error)}); put it in a file and name it "
@@ -86,9 +87,16 @@ class Packed:
 
     name: str
     pickled: bytes | None
+    sha256: str | None
 
     def unpack(self) -> Extension:
-        """Load the code. Raises ExtensionError."""
+        """Load the code. Raises ExtensionError, also if its file is not what it was where it was packed."""
+        found = self._found()
+        if found.sha256 != self.sha256:
+            raise ExtensionError(f"own code {self.name}: its file has changed since the flights began; begin again")
+        return found
+
+    def _found(self) -> Extension:
         if self.pickled is None:
             return load(self.name)
         try:
@@ -136,7 +144,12 @@ def carried(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
 
 def permits(summary: Mapping[str, Any]) -> str:
     """Return the options that permit what a flight used, for the command that flies it again; its summary says what it used."""
-    return "".join(f" --use {own['name']}" for own in summary.get("extensions", ()) if ":" in own["name"])
+    return "".join(f" --use {shlex.quote(own['name'])}" for own in summary["extensions"] if ":" in own["name"])
+
+
+def at_hand(summary: Mapping[str, Any]) -> list[str]:
+    """Return the names of code that a flight used and no command line can permit: it was at hand in Python."""
+    return [own["name"] for own in summary["extensions"] if ":" not in own["name"]]
 
 
 def named_by(scenario: Scenario) -> tuple[Extension, ...]:

@@ -10,6 +10,7 @@ from math import inf, isfinite
 from flightbed.command.base import Profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
+from flightbed.errors import EstimateError
 from flightbed.estimation.base import Estimator
 from flightbed.failures.base import Failing
 from flightbed.plant.base import Plant
@@ -63,6 +64,11 @@ def fly(flight: Flight) -> Iterator[Sample]:
             believed = adaptation.believed(health.effectiveness)
         elif estimates:
             estimate = estimates[adaptation.estimator]
+            if adaptation.enabled and not isfinite(estimate.effectiveness_smoothed) and isfinite(measurement.q_rad_s):
+                raise EstimateError(
+                    f"estimators.{adaptation.estimator}: its smoothed K is {estimate.effectiveness_smoothed} at tick {tick}; "
+                    "the law cannot be corrected by that, flightbed.testing.check_estimator helps to find out why"
+                )
             believed = adaptation.believed(estimate.effectiveness_smoothed, estimate.effectiveness_std)
         feedback = adaptation.elevator_feedback(measurement.elevator_rad, believed)
         reference = adaptation.reference(q_ref, believed)

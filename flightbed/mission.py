@@ -18,6 +18,7 @@ from flightbed import factories
 from flightbed.assembly import assemble, sensor_noise
 from flightbed.blame import guarded, watched
 from flightbed.bound import bound, design_models, schedule_models
+from flightbed.errors import ExtensionError
 from flightbed.excitation import with_excitation
 from flightbed.extension import named_by
 from flightbed.folder import check_target, shown, write_run
@@ -134,6 +135,12 @@ def _collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, li
 
 
 def _measured(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]:
+    left = np.column_stack([trace[c] for c in ("effectiveness_true", "elevator_force_true", "cg_shift_cbar")])
+    if not np.all(np.isfinite(left)):
+        at_s = trace["t_s"][np.argmin(np.all(np.isfinite(left), axis=1))]
+        raise ExtensionError(
+            f"failures: what is left of the aircraft is no number from {at_s:g} s on; give finite values"
+        )
     trace = _with_bound(plan, trace)
     trace = with_excitation(trace, m_delta=float(plan.design.b[1]), control_hz=plan.scenario.rates.control_hz)
     failed_at_s = _failed_at_s(plan.scenario, trace)

@@ -10,7 +10,7 @@ import numpy as np
 
 from flightbed.card import correction, events, failures, flown, gusts, kept_pace, outcome
 from flightbed.document import Cell, Document, Listing, Section, Table
-from flightbed.extension import permits
+from flightbed.extension import at_hand, permits
 from flightbed.figures import pictures
 from flightbed.short_period import ShortPeriod
 
@@ -52,6 +52,7 @@ def run_report(result: Result) -> Document:
         "flown": f"{summary['flown_s']:g} s in {summary['wall_time_s']:.2f} s, {summary['real_time_factor']:.0f} times real time",
         **({"real time": kept_pace(summary)} if summary["realtime"] else {}),
         "aircraft": f"{result.plan.aircraft.name}, SHA-256 {summary['aircraft_sha256']}",
+        **{f"own code {own['name']}": f"SHA-256 {own['sha256'] or 'unknown'}" for own in summary["extensions"]},
         "versions": summary["versions"],
     }
     sections = [
@@ -60,7 +61,7 @@ def run_report(result: Result) -> Document:
         _numbers(result),
         Section("What happened when", (), [_events(result)]),
         _design(result),
-        again(scenario.to_toml(), permits(summary), summary["versions"]),
+        again(scenario.to_toml(), permits(summary), summary["versions"], at_hand(summary)),
     ]
     condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     title = f"{scenario.name}: {result.plan.aircraft.name} at {condition}, seed {scenario.seed}"
@@ -188,13 +189,14 @@ def _matrices(design: ShortPeriod, hz: int) -> list[Table]:
     ]  # fmt: skip
 
 
-def again(toml: str, override: str, versions: dict[str, str]) -> Section:
+def again(toml: str, override: str, versions: dict[str, str], own: Sequence[str]) -> Section:
     """Return the section that says how to fly something again: the command, the scenario, what else has to be the same.
 
     Args:
         toml: the complete scenario.
         override: what the command adds to it, such as ``" --set KEY=VALUE"``.
         versions: package -> version.
+        own: names of code outside flightbed that no command can permit.
 
     """
     packages = " ".join(f"{name}=={value}" for name, value in versions.items() if name not in ("flightbed", "python"))
@@ -206,6 +208,10 @@ def again(toml: str, override: str, versions: dict[str, str]) -> Section:
     text = (
         "FOLDER is the one that this page lies in. Scenario, aircraft and versions being the same, the flight is the same to the last bit; "
         "the scenario below, saved as a file, will do in place of the folder's.",
+        *(
+            f"The code '{name}' was at hand in Python, and no command names it: permit it there, with flightbed.using(...)."
+            for name in own
+        ),
     )
     return Section("Fly it again", text, [Listing("Commands", commands), Listing("scenario.toml, complete", toml)])
 

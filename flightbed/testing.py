@@ -96,7 +96,9 @@ def check_estimator(
     - it can be built, and has ``update(measurement)``;
     - ``update`` raises nothing and returns an ``Estimate`` of finite floats. Before the bounds, ``effectiveness_raw`` may be any
       finite number; ``nis`` and the innovations may be nan at ticks that have none, as the first of a filter;
-    - ``effectiveness`` lies within ``settings.bounds``, ``nis`` and all standard deviations are not negative, ``alarms`` never fall;
+    - ``effectiveness`` lies within ``settings.bounds``, ``effectiveness_smoothed`` within them and 1,
+      ``nis`` and all standard deviations are not negative, ``alarms`` never fall;
+    - what is on board stays as it was;
     - two of them that are fed the same readings say the same to the last bit, alone or by turns with a third on another flight: no
       state is shared, and what is random is drawn from a generator of their own with a fixed seed;
     - their memory does not grow in flight, after the first 40 s and ``settings.window``;
@@ -159,7 +161,7 @@ def _check(factory: Factory, planned: Plan, found: _Findings) -> Checked | None:
     except Exception as error:
         found.add("building", f"{_place(error)}{line_of(error)}", "it is called with (settings, onboard)")
         return None
-    flights = readings_of_flights(onboard)
+    before, flights = _fingerprint(onboard), readings_of_flights(onboard)
     with found.flying("K drops to 0.5"):  # first, or all that follows takes for ever
         fastest = min(_times(new, flights["K drops to 0.5"][:40]))
         if fastest > 1e6 / hz:
@@ -168,6 +170,9 @@ def _check(factory: Factory, planned: Plan, found: _Findings) -> Checked | None:
             )
             return None
     said = {name: found.fly(new, readings, name) for name, readings in flights.items()}
+    if (changed := _fingerprint(onboard)) != before:
+        names = ", ".join(name for name in before if before[name] != changed[name])
+        found.add("onboard", f"what is on board was changed in flight ({names})", "copy what you want to change")
     for name, readings in beyond(flights["healthy"][0]).items():
         found.fly(new, readings, name)
     if found.lines:  # what is broken already would only be told again
@@ -185,6 +190,14 @@ def _check(factory: Factory, planned: Plan, found: _Findings) -> Checked | None:
         final_at_half=float(k_half[-1]),
         detected_after_s=None if alarmed is None else (alarmed - FAILS_AT) / hz,
     )
+
+
+def _fingerprint(onboard: OnBoard) -> dict[str, bytes]:
+    """Return what an estimator could change in place, as bytes."""
+    arrays = {"design.A": onboard.design.A, "design.b": onboard.design.b}
+    if onboard.schedule is not None:
+        arrays["schedule"] = onboard.schedule.packed()
+    return {name: values.tobytes() for name, values in arrays.items()}
 
 
 class _Findings:
@@ -251,6 +264,12 @@ class _Findings:
         for name in _NOT_NEGATIVE:
             if (value := getattr(estimate, name)) < 0.0:
                 self.add(name, f"is {value:g} {where}", "it cannot be negative")
+        if not min(low, 1.0) - 1e-9 <= estimate.effectiveness_smoothed <= max(high, 1.0) + 1e-9:
+            self.add(
+                "effectiveness_smoothed",
+                f"is {estimate.effectiveness_smoothed:g} {where}, which no smoothing of {low:g} to {high:g}, begun at 1, can give",
+                "the law divides by it: smooth what lies within the bounds",
+            )
         if estimate.alarms < self._alarms:
             self.add("alarms", f"fall from {self._alarms:g} to {estimate.alarms:g} {where}", "count all alarms so far")
         self._alarms = estimate.alarms

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -53,7 +53,11 @@ def test_all_colours_are_told_apart(who: str) -> None:
 
 
 def test_colours_of_series_are_of_the_palette_and_begin_again() -> None:
-    assert set(palette.ESTIMATES) | set(palette.RUNS) <= set(COLORS.values())
+    assert set(palette.ESTIMATES) <= set(COLORS.values())
+    assert not {palette.TRUTH, palette.REFERENCE, palette.FAILURE} & set(palette.RUNS)  # drawn beside them
+    for color, background in product(palette.RUNS, BACKGROUNDS):
+        dim, bright = sorted((_luminance(color), _luminance(background)))
+        assert (bright + 0.05) / (dim + 0.05) >= 3.0, color
     assert palette.TRUTH not in palette.ESTIMATES  # K true is drawn among them
     assert palette.estimate(len(palette.ESTIMATES)) == palette.estimate(0)
     assert palette.run(len(palette.RUNS)) == palette.run(0)

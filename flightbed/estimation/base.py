@@ -14,6 +14,7 @@ from flightbed.signals import Estimate, Measurement
 class Estimator(Protocol):
     """An estimator of effectiveness: fed one measurement per tick, in order, from tick 0.
 
+    It may say in an attribute ``readings`` how many readings its innovation is of: what its NIS is on the average if its model holds.
     What else the loop relies on, ``flightbed.testing.check_estimator`` lists and checks.
     """
 

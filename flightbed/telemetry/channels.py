@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import ceil, floor, log10
 
 import numpy as np
 from scipy.special import chdtri
@@ -13,7 +14,7 @@ from flightbed.trace import Trace, Vector
 from flightbed.units import unit_of
 
 OVERVIEW, ESTIMATORS, AIRFRAME = "Overview", "Estimators", "Airframe"
-NIS_BOUND = float(chdtri(2, 0.05))  # that 95 % of a chi-square with 2 degrees of freedom stay below
+_LOWEST = 1e-4  # sigma that is told from 0 on a logarithmic axis
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Line:
         factor: what the column is multiplied by; of a constant its value.
         width: points.
         per: column that it is divided by; 0 where that is 0.
+        log: whether the logarithm to the base 10 is drawn, of at least 1e-4.
 
     """
 
@@ -36,6 +38,7 @@ class Line:
     factor: float = 1.0
     width: float = 1.6
     per: str = ""
+    log: bool = False
 
     def values(self, trace: Trace) -> Vector:
         """Return one value per tick."""
@@ -44,6 +47,8 @@ class Line:
         values = trace[self.column]
         if self.per:
             values = np.divide(values, trace[self.per], out=np.zeros(len(trace)), where=trace[self.per] != 0.0)
+        if self.log:
+            return np.log10(np.clip(values, _LOWEST, None))
         return values if self.factor == 1.0 else values * self.factor
 
 
@@ -71,19 +76,31 @@ class Plot:
     bands: tuple[str, ...] = ()
 
 
-def plots(trace: Trace, *, stops_deg: Sequence[float], gusts: bool, moves_cg: bool) -> tuple[Plot, ...]:
+def plots(
+    trace: Trace,
+    *,
+    stops_deg: Sequence[float],
+    gusts: bool,
+    moves_cg: bool,
+    readings: Mapping[str, float],
+    certain: Collection[str] = (),
+) -> tuple[Plot, ...]:
     """Return the plots of a flight; what has no finite value in the trace has no line.
 
     Args:
         trace: the flight, or its first ticks.
         stops_deg: lowest and highest deflection of the elevator; empty if it has none.
         gusts, moves_cg: whether the scenario has gusts, or a c.g. that moves: they are plotted then.
+        readings: of estimators how many readings their NIS is of: the bound that 95 % of it stay below is drawn then.
+        certain: columns that have values even if the first ticks do not.
 
     """
-    wanted = [*_overview(trace, stops_deg), *_estimators(trace), *_airframe()]
+    wanted = [*_overview(trace, stops_deg), *_estimators(trace, readings), *_airframe()]
     kept = []
     for plot in wanted:
-        lines = tuple(line for line in plot.lines if not line.column or _told(trace, line.column))
+        lines = tuple(
+            line for line in plot.lines if not line.column or line.column in certain or _told(trace, line.column)
+        )
         if (
             any(line.column for line in lines)
             and (gusts or plot.key != "gust")
@@ -91,6 +108,18 @@ def plots(trace: Trace, *, stops_deg: Sequence[float], gusts: bool, moves_cg: bo
         ):
             kept.append(Plot(plot.key, plot.title, plot.tab, lines, plot.range, plot.estimator, plot.bands))
     return tuple(kept)
+
+
+def with_room(plot: Plot, trace: Trace) -> Plot:
+    """Return a plot whose axis shows at least two of the viewer's labels, which stand at powers of ten and their multiples."""
+    values = np.concatenate([line.values(trace) for line in plot.lines])
+    values = values[np.isfinite(values)]
+    if plot.range is not None or not values.size or not (span := float(np.ptp(values))) > 0.0:
+        return plot
+    low, high, step = float(values.min()), float(values.max()), 10.0 ** floor(log10(span))
+    if floor(high / step) - ceil(low / step) >= 1:
+        return plot
+    return replace(plot, range=(floor(low / step) * step - 0.08 * step, ceil(high / step) * step + 0.08 * step))
 
 
 def _told(trace: Trace, column: str) -> bool:
@@ -139,16 +168,19 @@ def _overview(trace: Trace, stops_deg: Sequence[float]) -> list[Plot]:
     ]
 
 
-def _estimators(trace: Trace) -> list[Plot]:
-    each = [plot for i, name in enumerate(trace.estimators) for plot in _estimator(i, name)]
+def _estimators(trace: Trace, readings: Mapping[str, float]) -> list[Plot]:
+    each = [plot for i, name in enumerate(trace.estimators) for plot in _estimator(i, name, readings.get(name))]
+    # The bound first and wide: what reaches it is drawn on it.
     sigmas = [
-        _line(f"sigma {name}", palette.estimate(i), f"{name}.effectiveness_std")
-        for i, name in enumerate(trace.estimators)
+        Line("Cramer-Rao bound", palette.OTHER, "effectiveness_bound", width=5.0, log=True),
+        *(
+            Line(f"sigma {name}", palette.estimate(i), f"{name}.effectiveness_std", log=True)
+            for i, name in enumerate(trace.estimators)
+        ),
     ]
-    bound = _line("Cramer-Rao bound", palette.TRUTH, "effectiveness_bound", width=2.2)
     return [
         *each,
-        Plot("sigma", "Sigma of K, share", ESTIMATORS, (*sigmas, bound), (0.0, 0.3)),
+        Plot("sigma", "log10 of sigma of K, share", ESTIMATORS, tuple(sigmas), (-3.5, 0.5)),
         Plot(
             "excitation",
             "Excitation, deg/s^2",
@@ -158,7 +190,7 @@ def _estimators(trace: Trace) -> list[Plot]:
     ]
 
 
-def _estimator(index: int, name: str) -> list[Plot]:
+def _estimator(index: int, name: str, readings: float | None) -> list[Plot]:
     def innovation(label: str, color: str, key: str, unit: str) -> Line:
         column, spread = f"{name}.innovation_{key}_{unit}", f"{name}.innovation_{key}_std_{unit}"
         return Line(label, color, column, width=1.0, per=spread)
@@ -167,7 +199,7 @@ def _estimator(index: int, name: str) -> list[Plot]:
     return [
         Plot(
             f"innovation/{name}",
-            f"{name}: innovations over their sigma, 1",
+            f"{name}: innovations over their sigma, 1; cut at 5",
             ESTIMATORS,
             (
                 innovation("alpha", palette.OTHER, "alpha", "deg"),
@@ -179,11 +211,15 @@ def _estimator(index: int, name: str) -> list[Plot]:
         ),
         Plot(
             f"nis/{name}",
-            f"{name}: NIS, 1",
+            f"{name}: NIS, 1; cut at 15",
             ESTIMATORS,
             (
                 _line("NIS", color, f"{name}.nis", width=1.0),
-                Line("95 % bound", palette.REFERENCE, factor=NIS_BOUND, width=1.0),
+                *(
+                    ()
+                    if readings is None
+                    else (Line("95 % bound", palette.REFERENCE, factor=float(chdtri(readings, 0.05)), width=1.0),)
+                ),
             ),
             (0.0, 15.0),
             index,

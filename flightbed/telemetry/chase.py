@@ -48,7 +48,7 @@ class Aircraft:
         trail = rr.LineStrips3D.from_fields(colors=palette.rgb(self._color), radii=0.08)
         stream.log(f"{root}/trail", trail, static=True)
         if self._label:
-            point = rr.Points3D([0.0, 0.0, -8.0], radii=0.15, colors=palette.rgb(self._color), labels=self._label)
+            point = rr.Points3D([0.0, 0.0, -12.0], radii=0.15, colors=palette.rgb(self._color), labels=self._label)
             stream.log(f"{root}/cg/label", point, static=True)
 
     def add(self, part: Trace) -> None:
@@ -56,8 +56,7 @@ class Aircraft:
         t, stream, root = part["t_s"], self._stream, self._root
         if not self._last_position.size:
             self._altitude_ft = float(part["altitude_ft"][0])
-        down = (self._altitude_ft - part["altitude_ft"]) * FT
-        position = np.column_stack([part["north_m"], part["east_m"] + self._east_m, down]).astype(np.float32)
+        position = positions(part, east_m=self._east_m, from_ft=self._altitude_ft)
         stream.send_columns(f"{root}/cg", indexes=time_of(t), columns=rr.Transform3D.columns(translation=position))
         attitude = quaternions(part["phi_deg"] * DEG, part["theta_deg"] * DEG, part["psi_deg"] * DEG)
         stream.send_columns(
@@ -94,6 +93,13 @@ class Aircraft:
             self._stream.send_columns(
                 f"{self._root}/trail", indexes=time_of(t[ends - led]), columns=rr.LineStrips3D.columns(strips=strips)
             )
+
+
+def positions(trace: Trace, *, east_m: float = 0.0, from_ft: float | None = None) -> npt.NDArray[np.float32]:
+    """Return (n, 3) north, east, down, m, from where the flight begins; ``from_ft`` is the altitude there."""
+    start = float(trace["altitude_ft"][0]) if from_ft is None else from_ft
+    down = (start - trace["altitude_ft"]) * FT
+    return np.column_stack([trace["north_m"], trace["east_m"] + east_m, down]).astype(np.float32)
 
 
 def time_of(t_s: Vector) -> list[Any]:

@@ -16,7 +16,7 @@ from flightbed.document import Table
 from flightbed.errors import OutputError
 from flightbed.telemetry import layout
 from flightbed.telemetry.channels import AIRFRAME, OVERVIEW, Plot
-from flightbed.telemetry.chase import Aircraft, set_time, time_of
+from flightbed.telemetry.chase import Aircraft, positions, set_time, time_of
 from flightbed.telemetry.recorder import upright
 from flightbed.telemetry.recording import APPLICATION
 from flightbed.trace import Vector
@@ -50,9 +50,9 @@ def write_comparison(path: Path, runs: Sequence[Run], *, tables: Sequence[Table]
     slugs = [f"{i + 1}_{re.sub('[^A-Za-z0-9]+', '_', run.label)}" for i, run in enumerate(runs)]
     stream = rr.RecordingStream(APPLICATION, recording_id="-".join(slugs)[:100])
     stream.set_log_time_enabled(False)
-    origins = [f"/world/{slug}/cg" for slug in slugs]
+    trails = [f"/world/{slug}/trail" for slug in slugs]
     try:
-        stream.save(path, default_blueprint=layout.comparison(_PLOTS, origins=origins))
+        stream.save(path, default_blueprint=layout.comparison(_PLOTS, follow="/world/middle", trails=trails))
     except Exception as error:
         raise OutputError(f"{path}: cannot be written: {error}") from None
     with stream:
@@ -67,8 +67,22 @@ def write_comparison(path: Path, runs: Sequence[Run], *, tables: Sequence[Table]
             aircraft.begin()
             aircraft.add(run.trace)
             _states(stream, run, f"mode/{slug}")
+        _middle(stream, runs)
         stream.flush()
     stream.disconnect()
+
+
+def _middle(stream: rr.RecordingStream, runs: Sequence[Run]) -> None:
+    """Tell where the middle of the aircraft that still fly is, for the eye to follow."""
+    longest = max(runs, key=lambda run: float(run.trace["t_s"][-1]))
+    t = longest.trace["t_s"]
+    paths = []
+    for i, run in enumerate(runs):
+        path = positions(run.trace, east_m=i * APART_M)
+        flying = t <= run.trace["t_s"][-1] + 1e-9
+        paths.append([np.where(flying, np.interp(t, run.trace["t_s"], axis), np.nan) for axis in path.T])
+    middle = np.nanmean(np.array(paths), axis=0).T.astype(np.float32)
+    stream.send_columns("world/middle", indexes=time_of(t), columns=rr.Transform3D.columns(translation=middle))
 
 
 def _column(run: Run, plot: Plot) -> Vector | None:

@@ -36,8 +36,8 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
     )
     mode = rrb.StateTimelineView(name="Modes", origin="/mode", time_view=rrb.TimeAxis(link="LinkToGlobal"))
     overview = rrb.Horizontal(
-        rrb.Vertical(_chase("/world/cg", ["/world/trail"]), mode, words, row_shares=[5, 2, 4]),
-        rrb.Vertical(*of(OVERVIEW)),
+        rrb.Vertical(_chase("/world/cg", ["/world/trail"]), mode, words, row_shares=[4.2, 2.6, 3.8]),
+        rrb.Vertical(*of(OVERVIEW), row_shares=[5, 5, 4, 3]),
         column_shares=[2, 3],
         name=OVERVIEW,
     )
@@ -55,20 +55,23 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
     return _blueprint(rrb.Tabs(*pages, active_tab=min(tab, len(pages) - 1)), live=live)
 
 
-def comparison(plots: Sequence[Plot], *, origins: Sequence[str]) -> rrb.Blueprint:
-    """Return the layout of several flights; ``origins`` are their aircraft, the first is followed."""
+def comparison(plots: Sequence[Plot], *, follow: str, trails: Sequence[str]) -> rrb.Blueprint:
+    """Return the layout of several flights; ``follow`` is what the chase view keeps in its middle."""
     table = rrb.TextDocumentView(name="Metrics and differences", origin="/run_card")
     mode = rrb.StateTimelineView(name="Modes", origin="/mode", time_view=rrb.TimeAxis(link="LinkToGlobal"))
 
     def of(tab: str) -> list[Any]:
-        return [_plot(plot) for plot in plots if plot.tab == tab]
+        # The colours are those of the runs in all plots: one legend, beside K's, which names the estimators, is enough.
+        return [
+            _plot(plot, legend=plot.key in ("pitch_rate", "effectiveness", "mach")) for plot in plots if plot.tab == tab
+        ]
 
     overview = rrb.Horizontal(
         rrb.Vertical(
-            _chase(origins[0], [origin.replace("/cg", "/trail") for origin in origins], far=True),
+            _chase(follow, trails, far=True),
             mode,
             table,
-            row_shares=[4, 2, 5],
+            row_shares=[4, 2.2, 5],
         ),
         rrb.Vertical(*of(OVERVIEW)),
         column_shares=[1, 1],
@@ -82,19 +85,21 @@ def _title(plots: Sequence[Plot], index: int) -> str:
     return next(p.title.partition(":")[0] for p in plots if p.estimator == index)
 
 
-def _plot(plot: Plot) -> rrb.TimeSeriesView:
+def _plot(plot: Plot, *, legend: bool = True) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         name=plot.title,
         origin=f"/{plot.key}",
         axis_x=rrb.TimeAxis(link="LinkToGlobal"),
         axis_y=None if plot.range is None else rrb.ScalarAxis(range=plot.range, zoom_lock=True),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+        plot_legend=rrb.PlotLegend(
+            rrb.Corner2D.LeftBottom if plot.key == "effectiveness" else rrb.Corner2D.RightTop, visible=legend
+        ),
     )
 
 
 def _chase(origin: str, trails: Sequence[str], *, far: bool = False) -> rrb.Spatial3DView:
     """Return the view that follows an aircraft; from far it is seen from behind, with those at its right."""
-    position, target = ([-75, 45, -25], [0, 20, 8]) if far else ([-15, 11, -7], [0, 0, 0])
+    position, target = ([-130, 80, -38], [0, 10, 0]) if far else ([-15, 11, -7], [0, 0, 0])
     return rrb.Spatial3DView(
         name="Chase view, m; stabilators: blue K = 1, red K = 0",
         origin=origin,

@@ -36,7 +36,7 @@ class Lane:
 def lanes(detectors: Sequence[str]) -> tuple[Lane, ...]:
     """Return the lanes of a flight; ``detectors`` are the estimators that test for a change of K."""
     return (
-        Lane("elevator", ("healthy", "failed"), (palette.REFERENCE, palette.FAILURE)),
+        Lane("elevator", ("healthy", "failed", "departed"), (palette.REFERENCE, palette.FAILURE, palette.DEPARTED)),
         Lane("airframe", ("as built", "c.g. moved"), (palette.REFERENCE, palette.FAILURE)),
         Lane(
             "saturation",

@@ -67,6 +67,13 @@ class Recorder:
         stream.log("world", rr.ViewCoordinates.FRD, static=True)
         self._aircraft.begin()
 
+    def end(self, t_s: float) -> None:
+        """Tell of a departure, in the lane of the elevator, a little longer than it lasts so that it is seen."""
+        if self._shown.departed:
+            for at_s, state in ((t_s, "departed"), (1.03 * t_s, "departed")):
+                set_time(self._stream, at_s)
+                self._stream.log("mode/elevator", rr.StateChange(state=state))
+
     def card(self, text: str) -> None:
         """Tell the run card, in place of an earlier one."""
         self._stream.log("run_card", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, NamedTuple
 
 from flightbed.aircraft import Actuator
 from flightbed.card import plan_card, planned_events
+from flightbed.consistency import detectors
 from flightbed.factories import failure_tick
 from flightbed.plan import Plan
 from flightbed.telemetry.channels import Plot, plots
@@ -44,6 +45,8 @@ class Shown:
         actuator: of the elevator; stops and rate limit.
         control_hz: ticks per second.
         m_delta: pitch acceleration per deflection at the trim point, 1/s^2.
+        readings: of estimators how many readings their NIS is of, where that is known.
+        departed: whether it ended in a departure.
 
     """
 
@@ -59,6 +62,8 @@ class Shown:
     actuator: Actuator
     control_hz: int
     m_delta: float
+    readings: Mapping[str, float] = field(default_factory=dict)
+    departed: bool = False
 
     @classmethod
     def of(cls, plan: Plan) -> Shown:
@@ -72,7 +77,7 @@ class Shown:
             planned=tuple(Event(*event) for event in planned_events(scenario)),
             failures_s=tuple(sorted({failure_tick(failure, hz) / hz for failure in scenario.failures})),
             estimators=tuple(e.name for e in scenario.estimators),
-            detectors=tuple(e.name for e in scenario.estimators if e.alarm_threshold > 0.0 and e.memory == "window"),
+            detectors=detectors(scenario),
             gusts=bool(scenario.gusts),
             moves_cg=any(failure.kind == "cg-shift" for failure in scenario.failures),
             actuator=plan.aircraft.actuator,
@@ -80,18 +85,40 @@ class Shown:
             m_delta=float(plan.design.b[1]),
         )
 
-    def flown(self, card: str, events: Sequence[tuple[float, str, bool]]) -> Shown:
-        """Return it with the card and the events of the flight when it is over."""
-        return dataclasses.replace(self, card=card, planned=tuple(Event(*event) for event in events))
+    def flown(
+        self,
+        card: str,
+        events: Sequence[tuple[float, str, bool]],
+        *,
+        departed: bool,
+        alarmed: Collection[str],
+        readings: Mapping[str, float],
+    ) -> Shown:
+        """Return it with what is known when the flight is over: card, events, whether it departed, whose alarms and NIS are which."""
+        return dataclasses.replace(
+            self,
+            card=card,
+            planned=tuple(Event(*event) for event in events),
+            departed=departed,
+            detectors=tuple(name for name in self.estimators if name in self.detectors or name in alarmed),
+            readings={**self.readings, **readings},
+        )
 
     @property
     def stops_deg(self) -> tuple[float, ...]:
         """The elevator's stops, if it has any."""
         return tuple(s / DEG for s in (self.actuator.min_rad, self.actuator.max_rad) if isfinite(s))
 
-    def plots(self, trace: Trace) -> tuple[Plot, ...]:
-        """Return what is plotted of it, from its trace or its first ticks."""
-        return plots(trace, stops_deg=self.stops_deg, gusts=self.gusts, moves_cg=self.moves_cg)
+    def plots(self, trace: Trace, *, certain: Collection[str] = ()) -> tuple[Plot, ...]:
+        """Return what is plotted of it, from its trace or its first ticks; ``certain`` columns have values later at least."""
+        return plots(
+            trace,
+            stops_deg=self.stops_deg,
+            gusts=self.gusts,
+            moves_cg=self.moves_cg,
+            readings=self.readings,
+            certain=certain,
+        )
 
     def to_json(self) -> str:
         """Return it as text."""

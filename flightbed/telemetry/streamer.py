@@ -33,7 +33,11 @@ def main() -> None:
     kind, content = next(next(messages))
     assert kind == FLIGHT
     _tell(_opened(host, port))
-    show = _Show(Shown.from_json(content.decode()), host, port)
+    shown = Shown.from_json(content.decode())
+    # A second flight of the same scenario is another recording.
+    stream = rr.RecordingStream(APPLICATION, recording_id=f"{shown.recording_id}-{time.time_ns():x}")
+    stream.connect_grpc(viewer.url(host, port))
+    show = Show(shown, stream)
     looked = time.monotonic()
     for batch in messages:
         rows = b""
@@ -112,15 +116,18 @@ def _messages() -> Iterator[Iterator[tuple[bytes, bytes]]]:
             yield iter(found)
 
 
-class _Show:
-    """One flight on its way to the viewer."""
+class Show:
+    """One flight on its way to a stream.
 
-    def __init__(self, shown: Shown, host: str, port: int) -> None:
-        self._shown = shown
-        # A second flight of the same scenario is another recording.
-        self.stream = rr.RecordingStream(APPLICATION, recording_id=f"{shown.recording_id}-{time.time_ns():x}")
-        self.stream.set_log_time_enabled(False)
-        self.stream.connect_grpc(viewer.url(host, port))
+    Args:
+        shown: the flight.
+        stream: where to; connected.
+
+    """
+
+    def __init__(self, shown: Shown, stream: rr.RecordingStream) -> None:
+        self._shown, self.stream = shown, stream
+        stream.set_log_time_enabled(False)
         self._recorder: Recorder | None = None
         self._seen: set[Event] = set()
         self._kept: Vector = np.zeros(0)  # last rows, which the next ones are judged with
@@ -151,7 +158,8 @@ class _Show:
             self._log([Event(*event) for event in told["events"]])
 
     def _begin(self, trace: Trace) -> Recorder:
-        plots = self._shown.plots(trace)
+        # A filter may have no NIS at its first ticks.
+        plots = self._shown.plots(trace, certain=[f"{name}.nis" for name in self._shown.estimators])
         self.stream.send_blueprint(layout.flight(plots, live=True), make_active=True)
         recorder = Recorder(self.stream, self._shown, plots)
         recorder.begin()

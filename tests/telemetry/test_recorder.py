@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import time
 from pathlib import Path
 
@@ -11,11 +12,12 @@ import pytest
 from rerun.chunk import RrdReader
 
 from flightbed import data
+from flightbed.errors import OutputError
 from flightbed.folder import shown
 from flightbed.mission import Result, run
 from flightbed.scenario import load_scenario
 from flightbed.telemetry import mesh
-from flightbed.telemetry.channels import NIS_BOUND
+from flightbed.telemetry.channels import with_room
 from flightbed.telemetry.chase import quaternions
 from flightbed.telemetry.recording import write_recording
 from flightbed.units import DEG, FT
@@ -28,7 +30,7 @@ LINES = {
     "/alpha": ["alpha_deg"],
     "/elevator": ["elevator_cmd_deg", "elevator_deg", -25.0, 25.0],
     "/effectiveness": [f"{K}_true", f"scheduled.{K}_smoothed", f"expanding.{K}_smoothed"],
-    "/sigma": [f"scheduled.{K}_std", f"expanding.{K}_std", f"{K}_bound"],
+    "/sigma": [f"log10 {K}_bound", f"log10 scheduled.{K}_std", f"log10 expanding.{K}_std"],
     "/nis/scheduled": ["scheduled.nis", 5.991464547107979],
     "/nis/expanding": ["expanding.nis", 5.991464547107979],
     "/excitation": ["excitation_deg_s2"],
@@ -45,7 +47,9 @@ def test_every_line_reads_back_equal_to_the_trace(flown: Result, recording: Path
     times, values = series(recording, entity, "Scalars:scalars")
     np.testing.assert_allclose(times, flown.trace["t_s"], atol=1e-9)
     for found, line in zip(values.reshape(len(times), -1).T, LINES[entity], strict=True):
-        if isinstance(line, float):
+        if isinstance(line, str) and line.startswith("log10 "):
+            np.testing.assert_allclose(10.0**found, np.maximum(flown.trace[line[6:]], 1e-4), rtol=1e-12)
+        elif isinstance(line, float):
             np.testing.assert_allclose(found, line, rtol=1e-9)
         else:
             np.testing.assert_array_equal(found, flown.trace[line])
@@ -69,13 +73,49 @@ def test_nothing_numeric_is_in_the_recording_that_is_not_compared_here(recording
     }
     others = {entity for entity in told if "/failure" not in entity and not entity.startswith("/innovation/")}
     assert others == set(LINES)
-    assert scipy_bound() == pytest.approx(NIS_BOUND)
 
 
-def scipy_bound() -> float:
+def test_the_bound_of_nis_is_that_of_the_readings_it_is_of(tmp_path: Path) -> None:
     from scipy.stats import chi2
 
-    return float(chi2.ppf(0.95, 2))
+    keys = ["duration_s=1", "failures.0.at_s=0.5", "estimators.1={name='rls', kind='differentiated-rls'}"]
+    result = run(load_scenario("elevator-loss", keys), tmp_path / "run")
+    assert result.summary["estimators"]["rls"]["nis_expected"] == 1.0
+    for name, readings in (("scheduled", 2), ("rls", 1)):
+        _, values = series(tmp_path / "run" / "flight.rrd", f"/nis/{name}", "Scalars:scalars")
+        np.testing.assert_allclose(values[:, 1], chi2.ppf(0.95, readings), rtol=1e-9)
+
+
+def test_a_departure_is_a_mode(tmp_path: Path) -> None:
+    result = run(load_scenario("elevator-loss-fixed"), tmp_path / "run")
+    times, states = series(tmp_path / "run" / "flight.rrd", "/mode/elevator", "StateChange:state")
+    assert list(states) == ["healthy", "failed", "departed", "departed"]
+    assert times[2] == pytest.approx(result.summary["departed_at_s"])
+
+
+def test_a_recording_that_the_environment_forbids_is_refused(
+    flown: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RERUN", "off")
+    with pytest.raises(OutputError, match="RERUN=off in the environment keeps Rerun from recording"):
+        write_recording(tmp_path / "flight.rrd", flown.trace, shown(flown))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [
+        (-8.0, 8.5, (-10.8, 10.8)),
+        (-4.7, 5.65, (-10.8, 10.8)),
+        (0.765, 0.8, None),
+        (-25.0, 25.0, None),
+        (3.0, 3.0, None),
+    ],
+)
+def test_an_axis_has_room_for_two_labels(flown: Result, low: float, high: float, expected: tuple | None) -> None:  # type: ignore[type-arg]
+    trace = flown.trace.with_column("alpha_deg", np.linspace(low, high, len(flown.trace)))
+    plot = next(p for p in shown(flown).plots(trace) if p.key == "alpha")
+    found = with_room(plot, trace).range
+    assert found is None if expected is None else found == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("name", ["scheduled", "expanding"])
@@ -128,10 +168,8 @@ def test_the_failure_is_marked_in_every_plot_and_told_in_the_log(recording: Path
     for plot in [*LINES, "/innovation/scheduled", "/innovation/expanding"]:
         assert f"{plot}/failure" in entities, plot
         times, values = series(recording, f"{plot}/failure", "Scalars:scalars")
-        np.testing.assert_allclose(times, [4.5, 4.5, 4.5])
-        (low,), (high,), nothing = values
-        assert low < high, plot  # upright, and seen
-        assert not nothing
+        np.testing.assert_allclose(times, [4.5, 4.5])
+        assert values[0] < values[1], plot  # upright, and seen
     times, texts = series(recording, "/events", "TextLog:text")
     assert "FAILURE: the elevator keeps 20% of its effect" in list(texts)
     assert times[list(texts).index("FAILURE: the elevator keeps 20% of its effect")] == pytest.approx(4.5)
@@ -173,8 +211,9 @@ def test_the_mode_is_that_of_the_elevator(tmp_path: Path) -> None:
     assert list(zip(times, states, strict=True)) == [(0.0, "healthy"), (0.8, "failed")]
     times, states = series(path, "/mode/airframe", "StateChange:state")
     assert list(zip(times, states, strict=True)) == [(0.0, "as built"), (0.5, "c.g. moved")]
-    times, _ = series(path, "/alpha/failure", "Scalars:scalars")
-    np.testing.assert_allclose(times, np.repeat([0.5, 0.8], 3))
+    times, values = series(path, "/alpha/failure", "Scalars:scalars")
+    np.testing.assert_allclose(times, np.repeat([0.5, 0.8], 2))
+    assert values[0] < values[1] == values[2] > values[3]  # up, along the edge, down
 
 
 def test_the_stabilators_have_the_colour_of_k(recording: Path) -> None:
@@ -204,52 +243,57 @@ def test_identical_flights_give_identical_recordings(recording: Path, tmp_path: 
 
 
 def test_pieces_say_the_same_as_the_whole(flown: Result, tmp_path: Path) -> None:
-    """What a live flight sends bit by bit: the same values, modes and trail as the file's."""
+    """What the process that shows a live flight makes of its rows, as they come: the same values, modes and events as the file's."""
     import rerun as rr
 
-    from flightbed.telemetry.recorder import Recorder
+    from flightbed.mission import fly
+    from flightbed.telemetry.shown import Shown
+    from flightbed.telemetry.streamer import Show
+    from flightbed.trace import flatten
 
-    told = shown(flown)
+    rows: list[float] = []
+    for sample in fly(flown.plan.scenario):
+        flatten(sample, rows.extend)
+    width = len(rows) // len(flown.trace)
     stream = rr.RecordingStream("flightbed", recording_id="pieces")
-    stream.set_log_time_enabled(False)
     stream.save(tmp_path / "pieces.rrd")
     with stream:
-        recorder = Recorder(stream, told, told.plots(flown.trace))
-        recorder.begin()
+        show = Show(Shown.from_json(Shown.of(flown.plan).to_json()), stream)
         sizes = [1, 2, 7, 40, 400, 405, 1200, 1650]
         for begin, end in zip([0, *sizes], sizes, strict=False):
-            kept = max(0, begin - 31)
-            recorder.add(_part(flown, kept, end), begin - kept)
+            show.add(np.array(rows[width * begin : width * end]).tobytes())
+        told = shown(flown)
+        show.result(json.dumps({"card": told.card, "events": told.planned}).encode())
         stream.flush()
     stream.disconnect()
     assert flown.folder is not None
     whole = flown.folder / "flight.rrd"
-    for entity in LINES:
-        for ours, theirs in zip(
-            series(tmp_path / "pieces.rrd", entity, "Scalars:scalars"),
-            series(whole, entity, "Scalars:scalars"),
-            strict=True,
-        ):
-            np.testing.assert_array_equal(ours, theirs)
+    for entity in [*LINES, "/innovation/scheduled"]:
+        times, values = series(tmp_path / "pieces.rrd", entity, "Scalars:scalars")
+        wanted, theirs = series(whole, entity, "Scalars:scalars")
+        np.testing.assert_array_equal(times, wanted)
+        if entity == "/sigma":
+            theirs = theirs[:, 1:]  # the bound comes after the flight
+        if entity.startswith("/nis/"):
+            values, theirs = values.reshape(len(times), -1)[:, 0], theirs[:, 0]
+        # Running sums of the excitation begin anew with every piece.
+        np.testing.assert_allclose(values, theirs, rtol=1e-9 if entity == "/excitation" else 0.0, atol=1e-9)
+    for component, entity in (("TextLog:text", "/events"), ("StateChange:state", "/mode/detection_scheduled")):
+        ours, theirs = (set(series(p, entity, component)[1]) for p in (tmp_path / "pieces.rrd", whole))
+        assert ours == theirs
     for lane in ("elevator", "saturation", "detection_scheduled"):
         ours, theirs = (series(p, f"/mode/{lane}", "StateChange:state") for p in (tmp_path / "pieces.rrd", whole))
         assert [list(o) for o in ours] == [list(t) for t in theirs]
 
 
-def _part(flown: Result, begin: int, end: int):
-    from flightbed.trace import Trace
-
-    return Trace({name: values[begin:end] for name, values in flown.trace.columns.items()}, flown.trace.estimators)
-
-
-def test_a_ten_minute_flight_is_written_in_seconds(tmp_path: Path) -> None:
-    """No time limit that could flake: a tenth of a flight must not take a tenth of ten times the size, and the file stays in proportion."""
+def test_a_ten_minute_flight_is_in_proportion(tmp_path: Path) -> None:
+    """And written in a second: five here, so that a busy machine does not fail it; benchmarks/viewer.py measures it."""
     overrides = ["duration_s=600", "command.count=1000", "failures.0.at_s=300", "failures.0.to=0.9"]
     result = run(load_scenario("elevator-loss", overrides))
     assert len(result.trace) == 60_000
     began = time.perf_counter()
     write_recording(tmp_path / "long.rrd", result.trace, shown(result))
-    print(f"written in {time.perf_counter() - began:.2f} s")
+    assert time.perf_counter() - began < 5.0
     assert (tmp_path / "long.rrd").stat().st_size < 60_000 / 1_650 * 1.5e6
 
 

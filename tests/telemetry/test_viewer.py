@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flightbed import palette
-from flightbed.errors import InputError
+from flightbed.errors import InputError, OutputError
 from flightbed.folder import shown
 from flightbed.mission import Result, run
 from flightbed.scenario import load_scenario
@@ -35,11 +35,11 @@ VIEWS = {
         "Angle of attack, deg": "/alpha",
     },
     "Estimators": {
-        "scheduled: innovations over their sigma, 1": "/innovation/scheduled",
-        "expanding: innovations over their sigma, 1": "/innovation/expanding",
-        "scheduled: NIS, 1": "/nis/scheduled",
-        "expanding: NIS, 1": "/nis/expanding",
-        "Sigma of K, share": "/sigma",
+        "scheduled: innovations over their sigma, 1; cut at 5": "/innovation/scheduled",
+        "expanding: innovations over their sigma, 1; cut at 5": "/innovation/expanding",
+        "scheduled: NIS, 1; cut at 15": "/nis/scheduled",
+        "expanding: NIS, 1; cut at 15": "/nis/expanding",
+        "log10 of sigma of K, share": "/sigma",
         "Excitation, deg/s^2": "/excitation",
     },
     "Airframe": {
@@ -56,7 +56,7 @@ COLORS = {
     "/effectiveness": (palette.TRUTH, palette.ACTUAL, palette.COMMAND, palette.FAILURE),
     "/elevator": (palette.COMMAND, palette.ACTUAL, palette.OTHER, palette.FAILURE),
     "/alpha": (palette.ACTUAL, palette.FAILURE),
-    "/sigma": (palette.ACTUAL, palette.COMMAND, palette.TRUTH, palette.FAILURE),
+    "/sigma": (palette.ACTUAL, palette.COMMAND, palette.OTHER, palette.FAILURE),
     "/forces": (palette.ACTUAL, palette.COMMAND, palette.REFERENCE, palette.FAILURE),
 }
 
@@ -132,9 +132,11 @@ def test_time_runs_from_zero_to_the_end_of_the_flight(client: Any) -> None:
 
 def test_an_unknown_tab_is_refused(client: Any) -> None:
     with pytest.raises(
-        InputError, match="--tab Engine: there is no such page; there are: Airframe, Estimators, Overview"
+        InputError, match="--tab Engine: there is no such page; there are: Overview, Estimators, Airframe"
     ):
         viewer.show_tab(client, "Engine")
+    with pytest.raises(InputError, match="--tab scheduled"):  # a part of a page
+        viewer.show_tab(client, "scheduled")
 
 
 def test_a_picture_is_written_whole(recording: Path, tmp_path: Path) -> None:
@@ -142,6 +144,32 @@ def test_a_picture_is_written_whole(recording: Path, tmp_path: Path) -> None:
     pixels = _pixels((tmp_path / "shot.png").read_bytes())
     assert pixels.shape == (1080, 1920, 3)
     assert _near(pixels, palette.FAILURE) > 100
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"at_s": -3.0}, "--at-s -3: must be within the flight, 0 to 16.49"),
+        ({"at_s": float("nan")}, "--at-s nan: must be within the flight"),
+        ({"at_s": 17.0}, "--at-s 17: must be within the flight"),
+    ],
+)
+def test_times_beyond_the_flight_are_refused(
+    recording: Path, tmp_path: Path, options: dict[str, float], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        viewer.picture(recording, tmp_path / "shot.png", **options)  # type: ignore[arg-type]
+
+
+def test_what_is_no_recording_is_told(tmp_path: Path) -> None:
+    (tmp_path / "flight.rrd").write_bytes(b"junk")
+    with pytest.raises(OutputError, match="not a recording that the viewer can read"):
+        viewer.picture(tmp_path / "flight.rrd", tmp_path / "shot.png")
+    with pytest.raises(InputError, match="shot.jpg: must end in .png"):
+        viewer.picture(tmp_path / "flight.rrd", tmp_path / "shot.jpg")
+    with pytest.raises(OutputError, match="there is no folder"):
+        viewer.picture(tmp_path / "flight.rrd", tmp_path / "nowhere" / "shot.png")
+    assert {p.name for p in tmp_path.iterdir()} == {"flight.rrd"}
 
 
 def test_flights_without_estimators_forces_or_failures_are_shown_too(tmp_path: Path) -> None:
@@ -163,7 +191,7 @@ def test_flights_without_estimators_forces_or_failures_are_shown_too(tmp_path: P
 
 
 def test_a_ten_minute_flight_opens_at_once(tmp_path: Path) -> None:
-    """Within a second; ten here, so that a busy machine does not fail it. benchmarks/live.py measures it."""
+    """Within a second; ten here, so that a busy machine does not fail it. benchmarks/viewer.py measures it."""
     overrides = ["duration_s=600", "command.count=1000", "failures.0.at_s=300", "failures.0.to=0.9"]
     result = run(load_scenario("elevator-loss", overrides))
     write_recording(tmp_path / "long.rrd", result.trace, shown(result))
