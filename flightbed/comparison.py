@@ -93,7 +93,7 @@ def load_runs(folders: Sequence[str | Path]) -> tuple[Run, ...]:
     return tuple(
         Run(
             one.place, label, palette.run(i), read_trace(one.place / "trace.parquet"), one.summary, one.settings, one.idle,
-            _watched(one.settings),
+            one.watched,
         )
         for i, (label, one) in enumerate(zip(labels, read, strict=True))
     )  # fmt: skip
@@ -110,6 +110,7 @@ class _Read(NamedTuple):
     summary: dict[str, Any]
     place: Path
     idle: Collection[str]
+    watched: str | None
 
 
 def _read(place: Path) -> _Read:
@@ -127,7 +128,16 @@ def _read(place: Path) -> _Read:
     wanted = ("estimators", "flown_s", "failed_at_s", "departed", "departed_at_s", "ended")
     if not {"name", "rates.control_hz"} <= set(settings) or not all(key in summary for key in wanted):
         raise OutputError(f"{place}: not a run of this version of flightbed; fly its scenario.toml again")
-    return _Read(settings, summary, place, _idle(scenario))
+    names = [str(estimator.get("name", i)) for i, estimator in enumerate(scenario.get("estimators", ()))]
+
+    def named(key: str) -> str:
+        """Put an estimator's name in place of its number: the same one may have another in another run."""
+        head, _, rest = key.removeprefix("estimators.").partition(".")
+        return f"estimators.{names[int(head)]}.{rest}" if key.startswith("estimators.") else key
+
+    idle = {named(key) for key in _idle(scenario) if not key.startswith("estimators.") or names}
+    watched = settings.get("adaptation.estimator") if _adapts(settings) else next(iter(names), None)
+    return _Read({named(key): value for key, value in settings.items()}, summary, place, idle, watched)
 
 
 def _idle(scenario: Mapping[str, Any]) -> Collection[str]:
@@ -159,11 +169,8 @@ def _labels(runs: Sequence[tuple[str, Path]]) -> list[str]:
     return next(labels for labels in candidates if len(set(labels)) == len(labels))
 
 
-def _watched(settings: Mapping[str, Any]) -> str | None:
-    if settings.get("adaptation.enabled") and not settings.get("adaptation.oracle"):
-        return str(settings["adaptation.estimator"])
-    name = settings.get("estimators.0.name")
-    return None if name is None else str(name)
+def _adapts(settings: Mapping[str, Any]) -> bool:
+    return bool(settings.get("adaptation.enabled")) and not settings.get("adaptation.oracle")
 
 
 def same_line(t_s: Vector, values: Vector, other_t_s: Vector, other: Vector) -> bool:

@@ -81,7 +81,7 @@ def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableT
         yield Text(table.title, style="bold")
         grid = Table(box=None, header_style="dim", padding=(0, 1))
         for column in table.columns:
-            grid.add_column(escape(column))
+            grid.add_column(escape(column), overflow="fold")
         for row in table.rows:
             grid.add_row(*(escape(cell) for cell in table.shown(row)))
         yield grid

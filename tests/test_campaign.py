@@ -118,8 +118,8 @@ def test_the_summary_is_medians_with_intervals(folder: Path, flown: Campaign) ->
         assert (told["median"], told["low"], told["high"]) == (middle.estimate, middle.low, middle.high)
         assert told["low"] > min(values) - 1e-12
         assert told["flights"] == RUNS
-    never = found["estimators"]["expanding"]["detected_at_s"]
-    assert (never["median"], never["never"], never["flights"]) == (None, RUNS, RUNS)
+    assert "detected_at_s" not in found["estimators"]["expanding"]  # it tests for no change
+    assert found["estimators"]["scheduled"]["detected_at_s"]["flights"] == RUNS
 
 
 def test_what_never_happened_is_infinite_and_what_cannot_be_said_is_left_out() -> None:
@@ -262,3 +262,11 @@ def test_own_code_flies_in_workers_and_in_the_worst_flights_command(tmp_path: Pa
     refused = flightbed("campaign", "elevator-loss", "--runs", "2", *keys, cwd=tmp_path)
     assert refused.returncode == 2
     assert "add --use mine.py:make to allow it" in refused.stderr
+
+
+def test_only_what_tests_for_a_change_can_never_find_one() -> None:
+    keys = ["duration_s=1", "failures.0.at_s=0.97", "failures.0.to=0.999"]  # too late and too small to be found
+    flown = campaigns.fly(load_scenario("elevator-loss", keys), 2)
+    assert flown.quantity("scheduled.detected_at_s").never == 2
+    assert not flown.quantity("expanding.detected_at_s").known
+    assert "detected_at_s" not in summary(flown)["estimators"]["expanding"]

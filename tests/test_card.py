@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flightbed.card import events, failures, run_card
+from flightbed.card import events, failures, plan_card, run_card
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
 
@@ -45,5 +45,28 @@ def test_gusts_and_failures_are_told_at_their_times() -> None:
     within = summary["estimators"]["scheduled"]["first_within_20pct_s"]
     assert told["K of 'scheduled' within 20 % of the truth"] == pytest.approx(1.5 + within)
     card = run_card(scenario, summary)
-    assert "- gusts: at 0.5 s a gust of 9 ft/s down, rising for 0.25 s; at 1 s a gust of 12.5" in card
-    assert "- gusts: none" in run_card(load_scenario("nominal"), summary)
+    assert (
+        "- air: turbulence none; gusts at 0.5 s a gust of 9 ft/s down, rising for 0.25 s; at 1 s a gust of 12.5" in card
+    )
+    assert "- air: turbulence none; gusts none" in run_card(load_scenario("nominal"), summary)
+
+
+def test_the_card_of_a_flight_says_nothing_of_what_it_has_not() -> None:
+    result = run(
+        load_scenario(
+            "nominal", ["duration_s=1", "estimators=[]", "adaptation.enabled=false", "atmosphere.turbulence=light"]
+        )
+    )
+    card = run_card(result.plan.scenario, result.summary)
+    rms = result.summary["tracking_rms_pre_deg_s"]
+    assert f"- tracking RMS: {rms:.2f} deg/s\n" in card
+    assert "turbulence light" in card
+    assert "| estimator |" not in card
+    assert "own code" not in card
+    assert "turbulence light" in plan_card(result.plan.scenario)
+
+
+def test_the_card_names_own_code() -> None:
+    scenario = load_scenario("nominal", ["duration_s=0.2"])
+    summary = run(scenario).summary | {"extensions": [{"name": "mine.py:E", "sha256": "0123456789abcdef"}]}
+    assert "- own code: mine.py:E, SHA-256 0123456789ab\n" in run_card(scenario, summary)

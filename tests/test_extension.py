@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import pickle
 import sys
 import textwrap
 import tomllib
@@ -22,10 +23,17 @@ from hypothesis import strategies as st
 import flightbed
 from flightbed import cli, registry
 from flightbed.ensemble import Job, fly_jobs, processes
-from flightbed.errors import ExtensionError, InputError, ScenarioError, UnknownNameError
-from flightbed.extension import check_named, load, named_by, using
+from flightbed.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
+from flightbed.estimation.base import OnBoard
+from flightbed.estimation.loop_gain import LoopGain
+from flightbed.extension import at_hand, check_named, load, named_by, permits, using
+from flightbed.factories import loop_gain_config
+from flightbed.failures.base import Failing
+from flightbed.mission import run
 from flightbed.options import Options
+from flightbed.report import again
 from flightbed.scenario import load_scenario
+from flightbed.settings import EstimatorSettings
 from flightbed.signals import Estimate, Measurement
 from tests.command_line import flightbed as command_line
 
@@ -523,3 +531,48 @@ def test_own_kinds_may_use_every_key() -> None:
         load_scenario(
             "elevator-loss", ["failures.0.kind=mine", "failures.0.over_s=3", "command.kind=mine", "command.seed=1"]
         )
+
+
+class _SaysNan(LoopGain):
+    def update(self, measurement: Measurement) -> Estimate:
+        return super().update(measurement)._replace(effectiveness_smoothed=float("nan"))
+
+
+def _says_nan(settings: EstimatorSettings, onboard: OnBoard) -> _SaysNan:
+    return _SaysNan(loop_gain_config(settings), onboard)
+
+
+def test_an_estimator_that_says_nan_to_the_law_is_told() -> None:
+    keys = ["estimators.0.kind=bad", "duration_s=0.5"]
+    with using({"bad": _says_nan}):
+        with pytest.raises(EstimateError, match="estimators.0: its smoothed K is nan at tick 0"):
+            run(load_scenario("nominal", keys))
+        beside = run(load_scenario("nominal", [*keys, "adaptation.enabled=false"]))  # hurts nobody
+    assert beside.summary["estimators"]["scheduled"]["nis_expected"] == 2.0
+
+
+def test_a_failure_that_leaves_no_number_is_told() -> None:
+    def nothing(settings: object, before: Failing, control_hz: int) -> Failing:
+        return lambda tick: before(tick)._replace(effectiveness=float("nan")) if tick >= 20 else before(tick)
+
+    keys = ["failures.0.kind=bad", "failures.0.at_s=0.2", "duration_s=0.5", "adaptation.enabled=false"]
+    with using({"bad": nothing}), pytest.raises(ExtensionError, match="no number from 0.2 s on"):
+        run(load_scenario("elevator-loss", keys))
+
+
+def test_a_file_that_changes_on_the_way_to_a_worker_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text("def make(settings, onboard):\n    return 1\n")
+    packed = pickle.dumps(load("mine.py:make"))
+    assert pickle.loads(packed).unpack().name == "mine.py:make"
+    (tmp_path / "mine.py").write_text("def make(settings, onboard):\n    return 2\n")
+    with pytest.raises(ExtensionError, match="its file has changed since the flights began"):
+        pickle.loads(packed).unpack()
+
+
+def test_the_command_that_flies_it_again_is_quoted_and_honest() -> None:
+    summary = {"extensions": [{"name": "my dir/est.py:E"}, {"name": "at-hand"}]}
+    assert permits(summary) == " --use 'my dir/est.py:E'"
+    assert at_hand(summary) == ["at-hand"]
+    page = again("schema = 1", permits(summary), {"python": "3", "flightbed": "1"}, at_hand(summary))
+    assert any("'at-hand' was at hand in Python, and no command names it" in text for text in page.text)

@@ -94,6 +94,20 @@ class BeyondItsBounds(Sound):
         return estimate._replace(effectiveness=1.5, effectiveness_raw=1.5)
 
 
+class SmoothsBeyond(Sound):
+    def say(self, estimate: Estimate) -> Any:
+        return estimate._replace(effectiveness_smoothed=-3.0)
+
+
+class ChangesOnBoard:
+    def __init__(self, settings: EstimatorSettings, onboard: OnBoard) -> None:
+        self.sound, self.onboard = Sound(settings, onboard), onboard
+
+    def update(self, measurement: Measurement) -> Estimate:
+        self.onboard.design.A[0, 0] += 1e-6
+        return self.sound.update(measurement)
+
+
 class ForgetsAlarms(Sound):
     def say(self, estimate: Estimate) -> Any:
         return estimate._replace(alarms=float(self.ticks == 100))
@@ -174,6 +188,8 @@ def test_a_sound_one_passes_and_is_measured() -> None:
         (NegativeStd, ["effectiveness_std: is -0.1 at tick 0 of 'healthy'; it cannot be negative"]),
         (NegativeNis, ["nis: is -1 at tick 0 of 'healthy'; it cannot be negative"]),
         (BeyondItsBounds, ["effectiveness: is 1.5 at tick 0 of 'healthy', outside settings.bounds [0, 1]; clip it; effectiveness_raw is what it was before"]),
+        (SmoothsBeyond, ["effectiveness_smoothed: is -3 at tick 0 of 'healthy', which no smoothing of 0 to 1, begun at 1, can give; the law divides by it: smooth what lies within the bounds"]),
+        (ChangesOnBoard, ["onboard: what is on board was changed in flight (design.A); copy what you want to change"]),
         (ForgetsAlarms, ["alarms: fall from 1 to 0 at tick 100 of 'healthy'; count all alarms so far"]),
         (Dice, ["repeatable: a second one says something else of the same readings, from tick 0 on; let it depend on nothing but its arguments; draw what is random from np.random.default_rng(0) of its own"]),
         (SharedCount, ["repeatable: a second one says something else of the same readings, from tick 0 on; let it depend on nothing but its arguments; draw what is random from np.random.default_rng(0) of its own"]),
