@@ -12,6 +12,7 @@ from flightbed import errors
 from flightbed.errors import (
     AircraftError,
     DesignError,
+    EstimateError,
     ExtensionError,
     FlightbedError,
     InputError,
@@ -37,6 +38,7 @@ ALL = [
             InputError,
             AircraftError,
             OutputError,
+            EstimateError,
             ExtensionError,
             NotComputableError,
             DesignError,

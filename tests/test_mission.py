@@ -274,6 +274,7 @@ def test_the_folder_holds_what_the_contract_says(flown: Result) -> None:
     assert set(metrics["estimators"]["scheduled"]) == {
         "final", "median_abs_error_post", "rms_error_smoothed_post", "std_pre", "first_within_20pct_s",
         "first_within_20pct_smoothed_s", "nis_mean", "detected_at_s", "false_alarms", "nees_mean_post", "efficiency",
+        "nis_expected",
     }  # fmt: skip
 
 
