@@ -19,7 +19,6 @@ Found = tuple[float, float, float, float, float, float, float, float, float, flo
 P_ = ParamSpec("P_")
 R_ = TypeVar("R_")
 
-_IDENTITY = np.eye(2)  # compiled in as a constant
 FIXED, ANCHORED, CORRECTED = 0.0, 1.0, 2.0  # how a filter starts
 YOUNG = 15.0  # ticks after an alarm in which the time of the change is still looked for
 
@@ -37,129 +36,34 @@ def compiled(function: Callable[P_, R_]) -> Callable[P_, R_]:
 
 
 @compiled
-def predict(X: Array, P: Array, T: Array, model: Array, u: float, Q: Array, inflation: float) -> None:
-    """x- = A x + b u K + c;  P- = inflation F P F' + Q,  F = [[A, b u], [0, 1]], for every filter of a bank.
-
-    Pachter eqs (8)-(11), Sillence S eqs (39)-(45); c is the known affine term and inflation = 1/lambda the fading
-    memory, neither of which is in the papers.
-
-    Args:
-        X: (n+1, W) states (x, K), updated in place.
-        P: (n+1, n+1, W) covariances, updated in place.
-        T: (n+2, n+1, W) scratch.
-        model: (n, n+2), [A | b | c].
-        u: the input over the period.
-        Q: (n, n) covariance of Gamma w.
-        inflation: at least 1.
-
-    """
-    n = model.shape[0]
-    W = X.shape[1]
-    for i in range(n):
-        g = model[i, n] * u
-        for w in range(W):
-            T[i, 0, w] = model[i, n + 1] + g * X[n, w]
-        for k in range(n):
-            a = model[i, k]
-            for w in range(W):
-                T[i, 0, w] += a * X[k, w]
-    for i in range(n):
-        for w in range(W):
-            X[i, w] = T[i, 0, w]
-    # T = F P, then P = T F'; the last row of F is (0, 1).
-    for i in range(n):
-        g = model[i, n] * u
-        for j in range(n + 1):
-            for w in range(W):
-                T[i, j, w] = g * P[n, j, w]
-            for k in range(n):
-                a = model[i, k]
-                for w in range(W):
-                    T[i, j, w] += a * P[k, j, w]
-    for i in range(n):
-        for j in range(i, n):
-            g = model[j, n] * u
-            for w in range(W):
-                P[i, j, w] = g * T[i, n, w]
-            for k in range(n):
-                a = model[j, k]
-                for w in range(W):
-                    P[i, j, w] += T[i, k, w] * a
-            for w in range(W):
-                P[i, j, w] = inflation * P[i, j, w] + Q[i, j]
-                P[j, i, w] = P[i, j, w]
-        for w in range(W):
-            P[i, n, w] = inflation * T[i, n, w]
-            P[n, i, w] = P[i, n, w]
-    for w in range(W):
-        P[n, n, w] *= inflation
-
-
-@compiled
-def correct(X: Array, P: Array, T: Array, H: Array, r: Array, z: tuple[float, ...]) -> None:
-    """Bayes update with m measurements z = H x + v, one at a time, for every filter of a bank.
-
-    With R diagonal this equals the joint update of Pachter eqs (12)-(14), and each scalar step is his Corollary 6
-    (eqs (42)-(49)): only scalars are inverted (his Remark 3). A full R is whitened by the caller.
-
-    Args:
-        X, P: as in predict, updated in place.
-        T: scratch as in predict; on return T[n+1, 0] holds each filter's normalized innovation squared.
-        H: (m, n) measurement matrix.
-        r: (m,) variances.
-        z: m readings.
-
-    """
-    n = H.shape[1]
-    W = X.shape[1]
-    for w in range(W):
-        T[n + 1, 0, w] = 0.0
-    for i in range(H.shape[0]):
-        # T[:n+1, 0] = P h, T[0, 1] = innovation variance and then its inverse, T[n+1, 1] = innovation
-        for j in range(n + 1):
-            for w in range(W):
-                T[j, 0, w] = 0.0
-            for k in range(n):
-                h = H[i, k]
-                for w in range(W):
-                    T[j, 0, w] += P[j, k, w] * h
-        for w in range(W):
-            T[0, 1, w] = r[i]
-            T[n + 1, 1, w] = z[i]
-        for k in range(n):
-            h = H[i, k]
-            for w in range(W):
-                T[0, 1, w] += h * T[k, 0, w]
-                T[n + 1, 1, w] -= h * X[k, w]
-        for w in range(W):
-            inverse = 1.0 / T[0, 1, w]
-            T[n + 1, 0, w] += T[n + 1, 1, w] * T[n + 1, 1, w] * inverse
-            T[0, 1, w] = inverse
-        for j in range(n + 1):
-            for w in range(W):
-                X[j, w] += T[j, 0, w] * T[0, 1, w] * T[n + 1, 1, w]
-            for k in range(j, n + 1):
-                for w in range(W):
-                    P[j, k, w] -= T[j, 0, w] * T[0, 1, w] * T[k, 0, w]
-                    P[k, j, w] = P[j, k, w]
-
-
-@compiled
-def step(bank: Array, model: Array, u: float, Q: Array, inflation: float, r: Array, z0: float, z1: float) -> None:
+def step(
+    bank: Array,
+    model: Array,
+    u: float,
+    q00: float,
+    q01: float,
+    q11: float,
+    inflation: float,
+    r0: float,
+    r1: float,
+    z0: float,
+    z1: float,
+) -> None:
     """Predict and correct every filter of a bank for two states that are both measured, in one pass over the filters.
 
-    The same operations in the same order as ``predict`` and then ``correct`` with H = I, and so the same to the last bit; what is kept
-    of a filter between them stays in registers. Nearly all of the time of a window's tick goes here.
+    The same operations in the same order as ``joint.predict`` and then ``joint.correct`` with H = I, and so the same to the last bit;
+    what is kept of a filter between them stays in registers.
 
     Args:
         bank: as ``new_bank``; X, P, normalized innovations squared (row 21), innovations and their variances are updated.
-        model, u, Q, inflation, r: as in ``predict`` and ``correct``.
+        model, u, inflation: as in ``joint.predict``.
+        q00, q01, q11: covariance of the process noise.
+        r0, r1: variances of the readings.
         z0, z1: the readings.
 
     """
     a00, a01, a10, a11 = model[0, 0], model[0, 1], model[1, 0], model[1, 1]
     g0, g1, c0, c1 = model[0, 2] * u, model[1, 2] * u, model[0, 3], model[1, 3]
-    q00, q01, q11, r0, r1 = Q[0, 0], Q[0, 1], Q[1, 1], r[0], r[1]
     for w in range(bank.shape[1]):
         x0, x1, K = bank[0, w], bank[1, w], bank[2, w]
         p00, p01, p02, p11, p12, p22 = bank[3, w], bank[4, w], bank[5, w], bank[7, w], bank[8, w], bank[11, w]
@@ -167,8 +71,16 @@ def step(bank: Array, model: Array, u: float, Q: Array, inflation: float, r: Arr
         y0 = c0 + g0 * K + a00 * x0 + a01 * x1
         y1 = c1 + g1 * K + a10 * x0 + a11 * x1
         # T = F P, then P- = T F'
-        t00, t01, t02 = g0 * p02 + a00 * p00 + a01 * p01, g0 * p12 + a00 * p01 + a01 * p11, g0 * p22 + a00 * p02 + a01 * p12
-        t10, t11, t12 = g1 * p02 + a10 * p00 + a11 * p01, g1 * p12 + a10 * p01 + a11 * p11, g1 * p22 + a10 * p02 + a11 * p12
+        t00, t01, t02 = (
+            g0 * p02 + a00 * p00 + a01 * p01,
+            g0 * p12 + a00 * p01 + a01 * p11,
+            g0 * p22 + a00 * p02 + a01 * p12,
+        )
+        t10, t11, t12 = (
+            g1 * p02 + a10 * p00 + a11 * p01,
+            g1 * p12 + a10 * p01 + a11 * p11,
+            g1 * p22 + a10 * p02 + a11 * p12,
+        )
         m00 = inflation * (g0 * t02 + t00 * a00 + t01 * a01) + q00
         m01 = inflation * (g1 * t02 + t00 * a10 + t01 * a11) + q01
         m11 = inflation * (g1 * t12 + t10 * a10 + t11 * a11) + q11
@@ -195,51 +107,71 @@ def step(bank: Array, model: Array, u: float, Q: Array, inflation: float, r: Arr
 
 
 @compiled
-def start(X: Array, P: Array, slot: int, x0: Array, P0: Array, begin: float, z: tuple[float, ...], r: Array) -> None:
-    """Start one filter of a bank from a prior; for a state other than fixed, H = I.
+def start(bank: Array, settings: Array, slot: int, z0: float, z1: float) -> None:
+    """Start one filter of a bank from the prior.
+
+    FIXED leaves the readings out; ANCHORED takes the state (not K) from them, with their variances, instead of from the prior; CORRECTED
+    lets them correct the prior, as ``joint.correct`` does.
 
     Args:
-        slot: which.
-        x0: (n+1,) prior mean; P0: (n+1, n+1) prior covariance.
-        begin: FIXED leaves the readings out; ANCHORED takes the state (not K) from them, with their variances, instead of from the
-            prior; CORRECTED lets them correct the prior, as ``correct`` does.
+        bank: as ``new_bank``.
+        settings: as ``pack_settings``: prior, how filters start, variances of the readings.
+        slot: which filter.
+        z0, z1: the readings.
 
     """
-    n1 = X.shape[0]
-    for i in range(n1):
-        X[i, slot] = x0[i]
-        for j in range(n1):
-            P[i, j, slot] = P0[i, j]
+    begin, r0, r1 = settings[17], settings[21], settings[22]
+    for i in range(3):
+        bank[i, slot] = settings[4 + i]
+    for i in range(9):
+        bank[3 + i, slot] = settings[7 + i]
     if begin == ANCHORED:
-        for i in range(n1 - 1):
-            X[i, slot] = z[i]
-            for j in range(n1):
-                P[i, j, slot] = 0.0
-                P[j, i, slot] = 0.0
-            P[i, i, slot] = r[i]
+        bank[0, slot], bank[1, slot] = z0, z1
+        bank[3, slot], bank[4, slot], bank[5, slot], bank[6, slot] = r0, 0.0, 0.0, 0.0
+        bank[7, slot], bank[8, slot], bank[9, slot], bank[10, slot] = r1, 0.0, 0.0, 0.0
     elif begin == CORRECTED:
-        correct(X[:, slot : slot + 1], P[:, :, slot : slot + 1], np.empty((n1 + 1, n1, 1)), np.eye(n1 - 1), r, z)
+        for i in range(2):  # state i is measured
+            inverse = 1.0 / ((r0 if i == 0 else r1) + bank[3 + 4 * i, slot])
+            e = (z0 if i == 0 else z1) - bank[i, slot]
+            h0, h1, h2 = bank[3 + i, slot], bank[6 + i, slot], bank[9 + i, slot]
+            bank[0, slot] += h0 * inverse * e
+            bank[1, slot] += h1 * inverse * e
+            bank[2, slot] += h2 * inverse * e
+            bank[3, slot] -= h0 * inverse * h0
+            bank[4, slot] -= h0 * inverse * h1
+            bank[5, slot] -= h0 * inverse * h2
+            bank[7, slot] -= h1 * inverse * h1
+            bank[8, slot] -= h1 * inverse * h2
+            bank[11, slot] -= h2 * inverse * h2
+            bank[6, slot], bank[9, slot], bank[10, slot] = bank[4, slot], bank[5, slot], bank[8, slot]
 
 
 @compiled
-def disturbance(bank: Array, settings: Array, model: Array, u: float, z: tuple[float, float], k: int, Q: Array) -> None:
-    """Add to Q what the readings show of disturbances, so that sigma and alarms hold in rough air too.
+def disturbance(
+    bank: Array, settings: Array, model: Array, u: float, z0: float, z1: float, k: int
+) -> tuple[float, float]:
+    """Return what the readings show of disturbances, variances to add to Q, so that sigma and alarms hold in rough air too.
 
     The residual of one step from reading to reading, e = z - (A z_last + b K u + c), sums up the disturbances; in a leaky sum over
     some 15 ticks the sensors' noise, which enters as differences, all but cancels, and gusts that last add up as they do in a
     window. Its mean square over the last seconds, less what the sensors explain, is the white noise that would do the same.
 
     """
-    state = bank[24:, 0]
     leak, slow = 1.0 - 1.0 / 15.0, max(1.0 / 300.0, 1.0 / (k + 20.0))
-    x0, x1 = state[12], state[13]
+    x0, x1, believed = bank[36, 0], bank[37, 0], bank[24, 0]
+    found0, found1 = 0.0, 0.0
     for i in range(2):
-        e = z[i] - (model[i, 0] * x0 + model[i, 1] * x1 + model[i, 2] * state[0] * u + model[i, 3])
-        state[8 + i] = leak * state[8 + i] + e
-        r = settings[21 + i]
-        square = min(state[8 + i] * state[8 + i], 4.0 * (state[10 + i] + r))
-        state[10 + i] += slow * (square - state[10 + i])
-        Q[i, i] += max(0.0, (1.0 - leak * leak) * (state[10 + i] - 1.6 * r))
+        z = z0 if i == 0 else z1
+        e = z - (model[i, 0] * x0 + model[i, 1] * x1 + model[i, 2] * believed * u + model[i, 3])
+        total, square, r = leak * bank[32 + i, 0] + e, bank[34 + i, 0], settings[21 + i]
+        square += slow * (min(total * total, 4.0 * (square + r)) - square)
+        bank[32 + i, 0], bank[34 + i, 0] = total, square
+        found = max(0.0, (1.0 - leak * leak) * (square - 1.6 * r))
+        if i == 0:
+            found0 = found
+        else:
+            found1 = found
+    return found0, found1
 
 
 @compiled
@@ -253,7 +185,7 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
 
     """
     W = bank.shape[1]
-    X, P, state = bank[0:3], bank[3:12].reshape((3, 3, -1)), bank[24:, 0]
+    state = bank[24:43, 0]
     prior, prior_var, threshold, youngest = settings[6], settings[15], settings[31], settings[33]
     young = k - state[7] <= YOUNG
     level, level_var = (state[5], state[6]) if young else (state[1], state[2])
@@ -264,10 +196,10 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
             age = W
         if age < youngest or (young and k - age < state[14]):
             continue
-        information = 1.0 / P[2, 2, w] - 1.0 / prior_var
+        information = 1.0 / bank[11, w] - 1.0 / prior_var
         if information <= 1e-9:
             continue
-        said = (X[2, w] / P[2, 2, w] - prior / prior_var) / information
+        said = (bank[2, w] / bank[11, w] - prior / prior_var) / information
         ratio = (said - level) ** 2 / (1.0 / information + level_var)
         if ratio > highest:
             highest, slot = ratio, w
@@ -307,28 +239,39 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
         with 0 for all of the innovation.
 
     """
-    X, P, T = bank[0:3], bank[3:12].reshape((3, 3, -1)), bank[12:24].reshape((4, 3, -1))
-    x0, P0 = settings[4:7], settings[7:16].reshape((3, 3))
-    inflation, begin, keep, low, high = settings[16], settings[17], settings[18], settings[19], settings[20]
-    r, model, z = settings[21:23], settings[23:31].reshape((2, 4)), (z0, z1)
+    prior, prior_var = settings[6], settings[15]
+    inflation, keep, low, high = settings[16], settings[18], settings[19], settings[20]
+    model = settings[23:31].reshape((2, 4))
     threshold, adaptive, hold = settings[31], settings[32] > 0.0, settings[34]
-    state, innovations = bank[24:43, 0], bank[43:47]
+    state = bank[24:43, 0]
     W = bank.shape[1]
     best = 0
     if k == 0:
+        bank[21] = 0.0
+        bank[43:47] = 0.0
         for w in range(W):
-            start(X, P, w, x0, P0, begin, z, r)
-        innovations[:] = 0.0
-        T[3, 0, 0] = 0.0
+            start(bank, settings, w, z0, z1)
         state[:] = 0.0
-        state[0], state[1], state[2] = 1.0, x0[2], 0.0
+        state[0], state[1], state[2] = 1.0, prior, 0.0
         state[3], state[4], state[7] = -1.0, 0.0, -1e9
-        state[10], state[11] = r[0], r[1]
+        state[10], state[11] = settings[21], settings[22]
     else:
-        Q = settings[0:4].copy().reshape((2, 2))
+        more0, more1 = 0.0, 0.0
         if adaptive:
-            disturbance(bank, settings, model, u, z, k, Q)
-        step(bank, model, u, Q, inflation, r, z0, z1)
+            more0, more1 = disturbance(bank, settings, model, u, z0, z1, k)
+        step(
+            bank,
+            model,
+            u,
+            settings[0] + more0,
+            settings[1],
+            settings[3] + more1,
+            inflation,
+            settings[21],
+            settings[22],
+            z0,
+            z1,
+        )
         if k >= W:
             best = k % W
     state[12], state[13] = z0, z1
@@ -340,9 +283,9 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
                 best = int(state[3])
             else:
                 state[3] = -1.0
-    gain, variance = X[2, best], P[2, 2, best]
-    told = max(0.0, 1.0 / variance - 1.0 / P0[2, 2])  # information on K in the data alone, and times what they say
-    said = gain / variance - x0[2] / P0[2, 2]
+    gain, variance = bank[2, best], bank[11, best]
+    told = max(0.0, 1.0 / variance - 1.0 / prior_var)  # information on K in the data alone, and times what they say
+    said = gain / variance - prior / prior_var
     if hold > 0.0:  # the last estimate, with this variance, in place of the prior of K
         variance = 1.0 / (told + 1.0 / hold)
         gain = variance * (said + state[0] / hold)
@@ -372,11 +315,11 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
     else:
         state[0] = keep * state[0] + (1.0 - keep) * bounded
     result = (
-        bounded, sqrt(variance), state[0], gain, X[0, best], X[1, best], T[3, 0, best], state[15],
-        innovations[0, best], innovations[1, best], sqrt(innovations[2, best]), sqrt(innovations[3, best]),
+        bounded, sqrt(variance), state[0], gain, bank[0, best], bank[1, best], bank[21, best], state[15],
+        bank[43, best], bank[44, best], sqrt(bank[45, best]), sqrt(bank[46, best]),
     )  # fmt: skip
     if W > 1 and k > 0:
-        start(X, P, k % W, x0, P0, begin, z, r)
+        start(bank, settings, k % W, z0, z1)
     return result
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.estimation import kernels
+from flightbed.estimation import joint
 
 Array = npt.NDArray[np.float64]
 
@@ -50,8 +50,8 @@ def estimate_record(
     model = np.column_stack([A, b, np.zeros(n)])
     out = Recursion(np.empty((N, n)), np.empty(N), np.empty((N, n + 1, n + 1)), np.empty(N))
     for k in range(N):
-        kernels.predict(X, P, T, model, float(u[k]), Q, 1.0)
-        kernels.correct(X, P, T, H, r, tuple(Z[k].tolist()))
+        joint.predict(X, P, T, model, float(u[k]), Q, 1.0)
+        joint.correct(X, P, T, H, r, tuple(Z[k].tolist()))
         out.x[k], out.effectiveness[k], out.P[k], out.nis[k] = X[:n, 0], X[n, 0], P[:, :, 0], T[n + 1, 0, 0]
     return out
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
 
-from flightbed.estimation import kernels
+from flightbed.estimation import joint
 from flightbed.estimation.record import batch_estimate, estimate_record
 
 
@@ -169,8 +169,8 @@ def test_fading_memory_equals_filterpys(rng: np.random.Generator, forgetting: fl
     X, P, T = s.x0[:, None].copy(), s.P0[:, :, None].copy(), np.zeros((4, 3, 1))
     model = np.column_stack([s.A, s.b, np.zeros(2)])
     for u, z in zip(s.u, s.z, strict=True):
-        kernels.predict(X, P, T, model, float(u), s.Q, 1.0 / forgetting)
-        kernels.correct(X, P, T, s.C, r, tuple(z.tolist()))
+        joint.predict(X, P, T, model, float(u), s.Q, 1.0 / forgetting)
+        joint.correct(X, P, T, s.C, r, tuple(z.tolist()))
         theirs.F = np.block([[s.A, (s.b * u)[:, None]], [np.zeros((1, 2)), np.ones((1, 1))]])
         theirs.predict()
         theirs.update(z)
@@ -184,9 +184,9 @@ def test_compiled_and_plain_kernels_agree(rng: np.random.Generator) -> None:
     X2, P2, T2 = X.copy(), P.copy(), T.copy()
     model = np.column_stack([s.A, s.b, np.zeros(2)])
     for u, z in zip(s.u, s.z, strict=True):
-        kernels.predict(X, P, T, model, float(u), s.Q, 1.1)
-        kernels.correct(X, P, T, s.C, np.diag(s.R).copy(), tuple(z.tolist()))
-        kernels.predict.py_func(X2, P2, T2, model, float(u), s.Q, 1.1)
-        kernels.correct.py_func(X2, P2, T2, s.C, np.diag(s.R).copy(), tuple(z.tolist()))
+        joint.predict(X, P, T, model, float(u), s.Q, 1.1)
+        joint.correct(X, P, T, s.C, np.diag(s.R).copy(), tuple(z.tolist()))
+        joint.predict.py_func(X2, P2, T2, model, float(u), s.Q, 1.1)
+        joint.correct.py_func(X2, P2, T2, s.C, np.diag(s.R).copy(), tuple(z.tolist()))
     np.testing.assert_allclose(X, X2, rtol=1e-12)
     np.testing.assert_allclose(P, P2, rtol=1e-11)
