@@ -82,6 +82,7 @@ def handing_over() -> None:
 
     samples = list(fly(load_scenario("elevator-loss")))
     live = Live()  # not started: what is handed over waits in the queue
+    live._estimators = len(samples[0].estimates)
     times: dict[str, list[float]] = {"plain": [], "watched": []}
     for _ in range(15):
         for name, source in (("plain", iter(samples)), ("watched", live.watched(iter(samples)))):

@@ -13,7 +13,6 @@ import subprocess
 import sys
 import threading
 import time
-from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -21,7 +20,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from flightbed.errors import InputError
 from flightbed.signals import Sample
-from flightbed.trace import flatten
+from flightbed.trace import row_packer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -70,9 +69,11 @@ class Live:
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _gone: bool = field(default=False, init=False)
     _over: bool = field(default=False, init=False)
+    _estimators: int = field(default=0, init=False)
 
     def start(self, shown: Shown) -> None:
         """Find or open the viewer; returns when it is ready for the flight, or told that there will be none."""
+        self._estimators = len(shown.estimators)
         # -P: nothing is imported from the folder that one happens to be in.
         command = [sys.executable, "-P", "-m", "flightbed.telemetry.streamer", self.host, str(self.port)]
         try:
@@ -100,18 +101,17 @@ class Live:
 
     def watched(self, samples: Iterable[Sample]) -> Iterator[Sample]:
         """Yield the samples unchanged, and show them."""
-        flat = array("d")
-        ticks, last = 0, time.perf_counter()
+        rows: list[bytes] = []
+        row, last = row_packer(self._estimators), time.perf_counter()
         for sample in samples:
             if not self._gone:
-                flatten(sample, flat.extend)
-                ticks += 1
-                if ticks >= _TICKS and (now := time.perf_counter()) - last >= _SECONDS:
-                    self._put(ROWS, flat.tobytes())
-                    flat, ticks, last = array("d"), 0, now
+                rows.append(row(sample))
+                if len(rows) >= _TICKS and (now := time.perf_counter()) - last >= _SECONDS:
+                    self._put(ROWS, b"".join(rows))
+                    rows, last = [], now
             yield sample
-        if flat:
-            self._put(ROWS, flat.tobytes())
+        if rows:
+            self._put(ROWS, b"".join(rows))
 
     def finish(self, card: str, events: Sequence[tuple[float, str, bool]]) -> None:
         """Show the card and the events of the flight that is over."""

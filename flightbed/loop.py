@@ -18,6 +18,7 @@ from flightbed.sensors import Sensors
 from flightbed.signals import Sample
 from flightbed.units import DEG
 
+_new = tuple.__new__  # of a named tuple: without its constructor, which costs a tick in a hundred
 DEPARTURE_RAD = 25.0 * DEG  # deviation of alpha from trim that counts as a departure
 
 
@@ -48,41 +49,49 @@ def fly(flight: Flight) -> Iterator[Sample]:
     """Fly, yielding one Sample per control tick; stops at the end of the profile, or after the sample that departs or hits the ground."""
     plant, sensors, law, adaptation = flight.plant, flight.sensors, flight.law, flight.adaptation
     sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
+    believed_of, feedback_of, health_at = adaptation.believed, adaptation.elevator_feedback, flight.health
+    reference_of, command_of = adaptation.reference, adaptation.command
     updates = [estimator.update for estimator in flight.estimators]
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
-    hold, floor, following, believed = False, flight.floor_m, flight.health(0), 1.0
+    hold, floor, following, believed = False, flight.floor_m, health_at(0), 1.0
+    alpha_trim, oracle, corrected, which = (
+        flight.alpha_trim_rad,
+        adaptation.oracle,
+        adaptation.enabled,
+        adaptation.estimator,
+    )
     state_from = flight.state_from
     delay, on_the_way = flight.delay_ticks, deque([plant.sense().elevator_rad] * flight.delay_ticks)
     for tick, (q_cmd, q_ref) in enumerate(commands):
-        health, following = following, flight.health(tick + 1)
+        health, following = following, health_at(tick + 1)
         truth = sense(health)
         measurement = read(tick, truth)
 
         estimates = tuple([update(measurement) for update in updates])
 
-        if adaptation.oracle:  # told by the scenario; no estimator is
-            believed = adaptation.believed(health.effectiveness)
+        if oracle:  # told by the scenario; no estimator is
+            believed = believed_of(health.effectiveness)
         elif estimates:
-            estimate = estimates[adaptation.estimator]
-            if adaptation.enabled and not isfinite(estimate.effectiveness_smoothed) and isfinite(measurement.q_rad_s):
+            estimate = estimates[which]
+            if corrected and not isfinite(estimate.effectiveness_smoothed) and isfinite(measurement.q_rad_s):
                 raise EstimateError(
-                    f"estimators.{adaptation.estimator}: its smoothed K is {estimate.effectiveness_smoothed} at tick {tick}; "
+                    f"estimators.{which}: its smoothed K is {estimate.effectiveness_smoothed} at tick {tick}; "
                     "the law cannot be corrected by that, flightbed.testing.check_estimator helps to find out why"
                 )
-            believed = adaptation.believed(estimate.effectiveness_smoothed, estimate.effectiveness_std)
-        feedback = adaptation.elevator_feedback(measurement.elevator_rad, believed)
-        reference = adaptation.reference(q_ref, believed)
+            believed = believed_of(estimate.effectiveness_smoothed, estimate.effectiveness_std)
+        feedback = feedback_of(measurement.elevator_rad, believed)
+        reference = reference_of(q_ref, believed)
         felt = measurement
         if state_from is not None:
             felt = measurement._replace(
                 alpha_rad=estimates[state_from].alpha_rad, q_rad_s=estimates[state_from].q_rad_s
             )
         demand = demand_of(felt, q_ref_rad_s=reference, elevator_rad=feedback, hold=hold)
-        command = adaptation.command(demand, believed)
+        command = command_of(demand, believed)
         hold = command != demand / believed
 
-        yield Sample(tick, q_cmd, q_ref, truth, measurement, estimates, command)
-        deviation = truth.alpha_rad - flight.alpha_trim_rad
+        yield _new(Sample, (tick, q_cmd, q_ref, truth, measurement, estimates, command))
+        deviation = truth.alpha_rad - alpha_trim
         if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth.q_rad_s) or truth.altitude_m < floor:
             return
         if delay:

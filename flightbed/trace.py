@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
+from struct import Struct
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,6 +75,9 @@ _ESTIMATED = {
 }
 
 
+_ROW = (*_FLOWN_FIELDS, *Truth._fields, *Measurement._fields)
+
+
 @dataclass(frozen=True)
 class Trace:
     """One flight as columns.
@@ -138,24 +143,27 @@ def read_trace(path: str | Path) -> Trace:
 
 def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz: int) -> Trace:
     """Gather the samples of a flight into a trace, as they come; no sample is kept."""
-    flat: list[float] = []
-    for sample in samples:
-        flatten(sample, flat.extend)
-    return from_rows(np.array(flat, dtype=np.float64), estimators=estimators, control_hz=control_hz)
+    row = row_packer(len(estimators))
+    rows = b"".join([row(sample) for sample in samples])
+    return from_rows(np.frombuffer(rows), estimators=estimators, control_hz=control_hz)
 
 
-def flatten(sample: Sample, extend: Callable[[Iterable[float]], object]) -> None:
-    """Give the numbers of a sample, one row as ``from_rows`` takes them apart."""
-    tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd = sample
-    extend((tick, q_cmd, q_ref, elevator_cmd))
-    extend(truth)
-    extend(measurement)
-    for estimate in estimates:
-        extend(estimate)
+def row_packer(estimators: int) -> Callable[[Sample], bytes]:
+    """Return what packs a sample of a flight with so many estimators into a row as ``from_rows`` takes it apart.
+
+    Packed at once a row costs half of what its numbers cost one by one in a list.
+    """
+    pack = Struct(f"{len(_ROW) + estimators * len(Estimate._fields)}d").pack
+
+    def row(sample: Sample) -> bytes:
+        tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd = sample
+        return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *chain.from_iterable(estimates))
+
+    return row
 
 
 def from_rows(rows: Vector, *, estimators: Sequence[str], control_hz: int) -> Trace:
-    """Return the trace of flattened samples, one after the other."""
+    """Return the trace of packed samples, one after the other."""
     groups = [("", _FLOWN, _FLOWN_FIELDS), ("", _TRUTH, Truth._fields), ("", _MEASURED, Measurement._fields)]
     groups += [(f"{name}.", _ESTIMATED, Estimate._fields) for name in estimators]
     rows = rows.reshape(-1, sum(len(fields) for _, _, fields in groups))

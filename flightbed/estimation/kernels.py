@@ -315,7 +315,7 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
     else:
         state[0] = keep * state[0] + (1.0 - keep) * bounded
     result = (
-        bounded, sqrt(variance), state[0], gain, bank[0, best], bank[1, best], bank[21, best], state[15],
+        bounded, sqrt(variance), state[0], gain, bank[0, best] + settings[35], bank[1, best], bank[21, best], state[15],
         bank[43, best], bank[44, best], sqrt(bank[45, best]), sqrt(bank[46, best]),
     )  # fmt: skip
     if W > 1 and k > 0:
@@ -350,14 +350,15 @@ def pack_settings(
     adaptive: bool = False,
     youngest: int = 3,
     hold_var: float = 0.0,
+    offset: float = 0.0,
 ) -> Array:
     """Return the settings of ``tick`` as one array.
 
     Process noise, prior, memory, start, smoother, bounds, variances of the readings (2,), model (2, 4) = [A | b | c]; threshold of
     alarms (0: none), whether the process noise follows the disturbances, youngest filter that may raise an alarm, variance with which
-    the last estimate is held (0: the prior is).
+    the last estimate is held (0: the prior is); what is added to state 0 where it is returned.
     """
     memory = [inflation, begin, keep, *bounds]
     return np.concatenate(
-        [Q.ravel(), x0, P0.ravel(), memory, r, model.ravel(), [threshold, float(adaptive), youngest, hold_var]]
+        [Q.ravel(), x0, P0.ravel(), memory, r, model.ravel(), [threshold, float(adaptive), youngest, hold_var, offset]]
     )

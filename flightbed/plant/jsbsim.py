@@ -15,6 +15,7 @@ import threading
 from collections.abc import Callable
 from functools import cache
 from math import cos, pi
+from operator import call
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -53,6 +54,7 @@ class _Silent(jsbsim.DefaultLogger):
 if threading.current_thread() is threading.main_thread():
     jsbsim.set_logger(_Silent())
 
+_new = tuple.__new__
 Getter = Callable[[], float]
 Setter = Callable[[float], object]
 
@@ -317,6 +319,7 @@ class JsbsimPlant:
                 "forces/fwz-aero-lbs",
                 "forces/fwx-aero-lbs",
                 "forces/fbx-prop-lbs",
+                aircraft.properties["elevator_rad"],
             )
         )
         self._latitude, self._longitude = self._get[8](), self._get[9]()
@@ -342,27 +345,31 @@ class JsbsimPlant:
     def sense(self, health: Health = HEALTHY) -> Truth:
         """Return the truth at the present tick; the health is what is left from now on."""
         (
-            alpha, q, theta, phi, psi, airspeed, mach, altitude, latitude, longitude, nz, lift, drag, thrust,
-        ) = [get() for get in self._get]  # fmt: skip
-        return Truth(
-            alpha,
-            q,
-            theta,
-            phi,
-            psi - 2.0 * pi if psi > pi else psi,
-            airspeed * FT,
-            mach,
-            altitude * FT,
-            (latitude - self._latitude) * self._north_m,
-            (longitude - self._longitude) * self._east_m,
-            nz,
-            self._elevator(),
-            self._mean_elevator,
-            *health,
-            self._gust_m_s,
-            lift * LBF,
-            drag * LBF,
-            thrust * LBF,
+            alpha, q, theta, phi, psi, airspeed, mach, altitude, latitude, longitude, nz, lift, drag, thrust, elevator,
+        ) = map(call, self._get)  # fmt: skip
+        # Made without its constructor: twenty arguments by position cost as much as four of the properties.
+        return _new(
+            Truth,
+            (
+                alpha,
+                q,
+                theta,
+                phi,
+                psi - 2.0 * pi if psi > pi else psi,
+                airspeed * FT,
+                mach,
+                altitude * FT,
+                (latitude - self._latitude) * self._north_m,
+                (longitude - self._longitude) * self._east_m,
+                nz,
+                elevator,
+                self._mean_elevator,
+                *health,
+                self._gust_m_s,
+                lift * LBF,
+                drag * LBF,
+                thrust * LBF,
+            ),
         )
 
     def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:

@@ -249,19 +249,16 @@ def test_pieces_say_the_same_as_the_whole(flown: Result, tmp_path: Path) -> None
     from flightbed.mission import fly
     from flightbed.telemetry.shown import Shown
     from flightbed.telemetry.streamer import Show
-    from flightbed.trace import flatten
+    from flightbed.trace import row_packer
 
-    rows: list[float] = []
-    for sample in fly(flown.plan.scenario):
-        flatten(sample, rows.extend)
-    width = len(rows) // len(flown.trace)
+    rows = [row_packer(len(flown.trace.estimators))(sample) for sample in fly(flown.plan.scenario)]
     stream = rr.RecordingStream("flightbed", recording_id="pieces")
     stream.save(tmp_path / "pieces.rrd")
     with stream:
         show = Show(Shown.from_json(Shown.of(flown.plan).to_json()), stream)
         sizes = [1, 2, 7, 40, 400, 405, 1200, 1650]
         for begin, end in zip([0, *sizes], sizes, strict=False):
-            show.add(np.array(rows[width * begin : width * end]).tobytes())
+            show.add(b"".join(rows[begin:end]))
         told = shown(flown)
         show.result(json.dumps({"card": told.card, "events": told.planned}).encode())
         stream.flush()
