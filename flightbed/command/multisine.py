@@ -8,7 +8,6 @@ from math import ceil, log2, pi
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq, minimize
 
 from flightbed.command.base import ROUND_OFF_S, Command, Vector, relative_peak_factor
 from flightbed.command.harmonics import harmonics
@@ -59,6 +58,8 @@ def _flat_phases(numbers: tuple[int, ...]) -> Vector:
     n, u = np.array(numbers), one_period(numbers, best)
     i = int(np.flatnonzero((np.roll(u, 1) < -1e-6) & (np.roll(u, -1) > 1e-6))[0])  # beyond round-off on either side
     step = 2.0 * pi / len(u)
+    from scipy.optimize import brentq  # slow to import
+
     turn = brentq(lambda x: float(np.sum(np.cos(n * x + best))), (i - 1) * step, (i + 1) * step, xtol=1e-14)
     return (best + n * turn) % (2.0 * pi)
 
@@ -79,6 +80,8 @@ def _sampled(n: npt.NDArray[np.int_], phases: Vector, samples: int) -> Vector:
 
 
 def _flattened(numbers: Sequence[int], phases: Vector) -> Vector:
+    from scipy.optimize import minimize  # slow to import
+
     n, samples = np.array(numbers), _samples(numbers, _COARSE)
     x = np.append(phases, 0.0)
     for p in _NORMS:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import max_len_seq
 
 from flightbed.command.base import Command, Vector
 from flightbed.command.pulses import pulses
@@ -21,6 +20,8 @@ def inverse_repeat(register_bits: int) -> Vector:
     Source:
         Godfrey, Perturbation Signals for System Identification (1993), ch. 1; the feedback taps are scipy's.
     """
+    from scipy.signal import max_len_seq  # slow to import
+
     bits, _ = max_len_seq(register_bits)
     twice = np.tile(2.0 * bits - 1.0, 2)
     twice[1::2] *= -1.0

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from math import ceil, floor, log10
 
 import numpy as np
-from scipy.special import chdtri
 
 from flightbed import palette
 from flightbed.trace import Trace, Vector
@@ -190,6 +189,13 @@ def _estimators(trace: Trace, readings: Mapping[str, float]) -> list[Plot]:
     ]
 
 
+def _bound(readings: float) -> float:
+    """Return what 95 % of a chi-square with so many degrees of freedom stay below."""
+    from scipy.special import chdtri  # slow to import
+
+    return float(chdtri(readings, 0.05))
+
+
 def _estimator(index: int, name: str, readings: float | None) -> list[Plot]:
     def innovation(label: str, color: str, key: str, unit: str) -> Line:
         column, spread = f"{name}.innovation_{key}_{unit}", f"{name}.innovation_{key}_std_{unit}"
@@ -218,7 +224,7 @@ def _estimator(index: int, name: str, readings: float | None) -> list[Plot]:
                 *(
                     ()
                     if readings is None
-                    else (Line("95 % bound", palette.REFERENCE, factor=float(chdtri(readings, 0.05)), width=1.0),)
+                    else (Line("95 % bound", palette.REFERENCE, factor=_bound(readings), width=1.0),)
                 ),
             ),
             (0.0, 15.0),
