@@ -107,6 +107,8 @@ def test_innovations_equal_those_of_filterpy(design: ShortPeriod) -> None:
         np.testing.assert_allclose(
             [ours.innovation_alpha_rad, ours.innovation_q_rad_s], theirs.y, rtol=1e-7, atol=1e-12
         )
+        estimate = [ours.alpha_rad - design.alpha_trim_rad, ours.q_rad_s, ours.effectiveness_raw]
+        np.testing.assert_allclose(estimate, theirs.x, rtol=0.0, atol=1e-10)
         sigma = np.sqrt(np.diag(theirs.S))
         np.testing.assert_allclose([ours.innovation_alpha_std_rad, ours.innovation_q_std_rad_s], sigma, rtol=1e-9)
 
