@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.estimation.kernels import compiled
-from flightbed.estimation.pitch_model import local_model
+from flightbed.estimation.pitch_model import local_models
 from flightbed.schedule import Schedule
 from flightbed.sensors import SensorNoise
 from flightbed.short_period import ShortPeriod
@@ -77,14 +77,9 @@ def schedule_models(trace: Trace, schedule: Schedule, *, control_hz: int) -> Arr
     K, u = trace["effectiveness_true"], trace["elevator_mean_meas_deg"] * DEG
     columns = ("alpha_deg", "q_deg_s", "mach", "altitude_ft", "theta_deg", "phi_deg")
     factors = (DEG, DEG, 1.0, FT, DEG, DEG)
-    alpha, q, mach, altitude, theta, phi = ((trace[c] * f).tolist() for c, f in zip(columns, factors, strict=True))
-    packed, T = schedule.packed(), len(trace)
-    models = np.zeros((T, 2, 4))
-    for k in range(1, T):
-        i = k - 1
-        local_model(
-            packed, models[k], float(K[i]), 1.0 / control_hz, alpha[i], q[i], float(u[k]), mach[i], altitude[i], theta[i], phi[i], 0.0
-        )  # fmt: skip
+    alpha, q, mach, altitude, theta, phi = (trace[c] * f for c, f in zip(columns, factors, strict=True))
+    models = np.zeros((len(trace), 2, 4))
+    local_models(schedule.packed(), models, K, 1.0 / control_hz, alpha, q, u, mach, altitude, theta, phi)
     return models
 
 

@@ -15,9 +15,12 @@ from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario import Scenario
 from flightbed.schedule import Schedule, load_schedule
+from flightbed.settings import Condition
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT
+
+_STANDARD = Condition(mach=0.8, altitude_ft=20000.0)  # at which the schedule is tabulated
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,12 @@ def plan(scenario: Scenario) -> Plan:
         if any(estimator.model == "scheduled" for estimator in scenario.estimators):
             shift = repr(scenario.aircraft.cg_shift_cbar)
             fingerprint = (aircraft.sha256, shift, version("jsbsim"), version("flightbed"))
-            schedule = load_schedule(airframe, throttle=point.throttle_norm, fingerprint=fingerprint)
+            schedule = load_schedule(
+                airframe,
+                throttle=point.throttle_norm,
+                fingerprint=fingerprint,
+                standard=lambda: _airframe(aircraft, _STANDARD, scenario.aircraft.cg_shift_cbar),
+            )
     gains = getattr(law_of(scenario, design), "gains", None)
     if not isinstance(gains, Gains):
         gains = None
@@ -81,17 +89,17 @@ def _trimmed(scenario: Scenario, aircraft: Aircraft) -> tuple[JsbsimAirframe, Tr
             ["process_noise: only a linear aircraft has it; what disturbs a nonlinear one is atmosphere.turbulence"]
         )
     condition = scenario.condition
-    airframe = JsbsimAirframe(
-        aircraft,
-        mach=condition.mach,
-        altitude_m=condition.altitude_ft * FT,
-        cg_shift_cbar=scenario.aircraft.cg_shift_cbar,
-    )
+    airframe = _airframe(aircraft, condition, scenario.aircraft.cg_shift_cbar)
     try:
         return airframe, trim(airframe, gamma_rad=condition.gamma_deg * DEG)
     except NoTrimError as error:
         error.args = (f"no trim at Mach {condition.mach:.2f}, {condition.altitude_ft:.0f} ft: {error}",)
         raise
+
+
+def _airframe(aircraft: Aircraft, condition: Condition, cg_shift_cbar: float) -> JsbsimAirframe:
+    altitude_m = condition.altitude_ft * FT
+    return JsbsimAirframe(aircraft, mach=condition.mach, altitude_m=altitude_m, cg_shift_cbar=cg_shift_cbar)
 
 
 def _beyond_linear(scenario: Scenario, aircraft: LinearAircraft) -> list[str]:

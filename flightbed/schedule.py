@@ -14,7 +14,7 @@ import hashlib
 import io
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from zipfile import BadZipFile
@@ -28,7 +28,7 @@ from flightbed.units import DEG, G0
 
 Array = npt.NDArray[np.float64]
 
-_FORMAT = 2  # of the file in the cache: change it when what is tabulated changes
+_FORMAT = 3  # of the file in the cache: change it when what is tabulated changes
 MACHS, ALPHAS_RAD = (0.2, 2.0), (-10.0 * DEG, 45.0 * DEG)
 _FILL_RAD, _BESIDE = 1.0 * DEG, 1e-7
 _PROBE_Q = 0.1
@@ -129,13 +129,20 @@ def build_schedule(airframe: Airframe, *, throttle: float) -> Schedule:
     return Schedule(mach, alpha, elevator, altitude, table, thrusts, per_newton, np.array([airframe.span_m]))
 
 
-def load_schedule(airframe: Airframe, *, throttle: float, fingerprint: Sequence[str]) -> Schedule:
+def load_schedule(
+    airframe: Airframe, *, throttle: float, fingerprint: Sequence[str], standard: Callable[[], Airframe]
+) -> Schedule:
     """Build a schedule, or take its tables from the cache; the thrust is always computed.
+
+    The tables are those of the aircraft at one standard condition, whatever flight asks for them first: gravity differs with altitude,
+    and what a flight says must not depend on which flights were flown before.
 
     The cache lies in ``$XDG_CACHE_HOME/flightbed`` (``~/.cache/flightbed``); one that cannot be read or written is done without.
 
     Args:
-        airframe, throttle: as in build_schedule.
+        airframe: of the flight, for its thrust.
+        throttle: at which the aircraft will fly.
+        standard: makes the airframe at the standard condition, when there are no tables yet.
         fingerprint: all that the tables depend on: hash of the aircraft, c.g. shift, versions.
 
     """
@@ -148,7 +155,7 @@ def load_schedule(airframe: Airframe, *, throttle: float, fingerprint: Sequence[
             schedule = Schedule(**{name: held[name] for name in Schedule.__dataclass_fields__})
         return schedule.with_throttle(airframe, throttle)
     except (OSError, ValueError, KeyError, EOFError, BadZipFile):
-        schedule = build_schedule(airframe, throttle=throttle)
+        schedule = build_schedule(standard(), throttle=0.0)
     buffer = io.BytesIO()
     np.savez(buffer, **{name: getattr(schedule, name) for name in Schedule.__dataclass_fields__})
     try:
@@ -158,7 +165,7 @@ def load_schedule(airframe: Airframe, *, throttle: float, fingerprint: Sequence[
         Path(part.name).replace(file)
     except OSError:
         pass
-    return schedule
+    return schedule.with_throttle(airframe, throttle)
 
 
 def _nodes(breakpoints: Sequence[float], span: tuple[float, float], fill: float | None) -> Array:

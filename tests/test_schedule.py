@@ -10,8 +10,10 @@ import pytest
 from flightbed.air import standard_air
 from flightbed.aircraft import Aircraft
 from flightbed.estimation import pitch_model
+from flightbed.mission import run
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
+from flightbed.scenario import load_scenario
 from flightbed.schedule import Schedule, build_schedule, load_schedule
 from flightbed.short_period import ShortPeriod, zero_order_hold
 from flightbed.trim import trim
@@ -72,7 +74,19 @@ def test_at_trim_it_is_the_short_period_model(airframe: JsbsimAirframe, design: 
     packed = build_schedule(airframe, throttle=point.throttle_norm).packed()
     model = np.zeros((2, 4))
     damping = pitch_model.local_model(
-        packed, model, 1.0, 0.01, point.alpha_rad, 0.0, point.elevator_rad, 0.8, 20000 * FT, point.theta_rad, 0.0, 0.0
+        packed,
+        model,
+        np.empty((2, 4)),
+        1.0,
+        0.01,
+        point.alpha_rad,
+        0.0,
+        point.elevator_rad,
+        0.8,
+        20000 * FT,
+        point.theta_rad,
+        0.0,
+        0.0,
     )
     held = zero_order_hold(design.A, design.b, 0.01)
     assert model[:, :2] == pytest.approx(held.A, rel=0.02, abs=8e-4)  # M_alpha to 0.08 1/s^2
@@ -86,8 +100,8 @@ def test_at_trim_it_is_the_short_period_model(airframe: JsbsimAirframe, design: 
 def test_half_the_effect_is_half_the_deflection(schedule: Schedule, airframe: JsbsimAirframe) -> None:
     point, one, two = trim(airframe), np.zeros((2, 4)), np.zeros((2, 4))
     where = (0.01, point.alpha_rad, 0.0)
-    pitch_model.local_model(schedule.packed(), one, 0.5, *where, 8 * DEG, 0.8, 6096.0, 0.02, 0.0, 0.0)
-    pitch_model.local_model(schedule.packed(), two, 1.0, *where, 4 * DEG, 0.8, 6096.0, 0.02, 0.0, 0.0)
+    pitch_model.local_model(schedule.packed(), one, np.empty((2, 4)), 0.5, *where, 8 * DEG, 0.8, 6096.0, 0.02, 0.0, 0.0)
+    pitch_model.local_model(schedule.packed(), two, np.empty((2, 4)), 1.0, *where, 4 * DEG, 0.8, 6096.0, 0.02, 0.0, 0.0)
     x = np.array(where[1:])
     acts_one = one[:, :2] @ x + one[:, 2] * 0.5 * 8 * DEG + one[:, 3]
     acts_two = two[:, :2] @ x + two[:, 2] * 4 * DEG + two[:, 3]
@@ -111,9 +125,9 @@ def test_the_cache_gives_the_same_tables_and_heals(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, airframe: JsbsimAirframe, schedule: Schedule
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    fresh = load_schedule(airframe, throttle=THROTTLE, fingerprint=("a",))
+    fresh = load_schedule(airframe, throttle=THROTTLE, fingerprint=("a",), standard=lambda: airframe)
     (file,) = (tmp_path / "flightbed").glob("*.npz")
-    again = load_schedule(airframe, throttle=THROTTLE, fingerprint=("a",))
+    again = load_schedule(airframe, throttle=THROTTLE, fingerprint=("a",), standard=lambda: airframe)
 
     def same(found: Schedule) -> bool:  # an FDM that is used again is not bit-identical
         return np.allclose(found.packed(), schedule.packed(), rtol=1e-7, atol=1e-10)
@@ -122,9 +136,23 @@ def test_the_cache_gives_the_same_tables_and_heals(
     assert same(again)
     assert np.array_equal(fresh.coefficients, again.coefficients)
     file.write_bytes(file.read_bytes()[:100])
-    assert same(load_schedule(airframe, throttle=THROTTLE, fingerprint=("a",)))
-    load_schedule(airframe, throttle=THROTTLE, fingerprint=("b",))
+    assert same(load_schedule(airframe, throttle=THROTTLE, fingerprint=("a",), standard=lambda: airframe))
+    load_schedule(airframe, throttle=THROTTLE, fingerprint=("b",), standard=lambda: airframe)
     assert len(list((tmp_path / "flightbed").iterdir())) == 2
     (tmp_path / "no").write_text("a file, not a folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "no"))
-    assert same(load_schedule(airframe, throttle=THROTTLE, fingerprint=("a",)))
+    assert same(load_schedule(airframe, throttle=THROTTLE, fingerprint=("a",), standard=lambda: airframe))
+
+
+def test_what_flew_before_does_not_change_a_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tables that the first flight leaves in the cache are those of the aircraft, not of that flight's condition."""
+    scenario = load_scenario("elevator-loss", ["duration_s=2", "failures.0.at_s=1"])
+    traces = []
+    for name, before in (("alone", ()), ("after", ("transonic-loss", "climbing-loss"))):
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / name))
+        for other in before:
+            run(load_scenario(other, ["duration_s=0.1", "failures.0.at_s=0.05"]))
+        traces += [run(scenario).trace, run(scenario).trace]  # without tables in the cache, and with them
+    for trace in traces[1:]:
+        for column in trace.columns:
+            np.testing.assert_array_equal(trace[column], traces[0][column], err_msg=column)

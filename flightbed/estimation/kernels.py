@@ -175,6 +175,14 @@ def disturbance(
 
 
 @compiled
+def _age(slot: int, since: int, k: int, W: int) -> int:
+    """Return how many samples a filter has seen at tick k, of at most W; ``since`` is k mod W."""
+    if k >= W:
+        return since - slot if since > slot else since - slot + W
+    return k - slot if slot > 0 and k > slot else (k if k > 0 else W)
+
+
+@compiled
 def alarm(bank: Array, settings: Array, k: int) -> bool:
     """Test every filter of a window for a change of K against the level held so far; adopt the likeliest if it is one.
 
@@ -185,16 +193,14 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
 
     """
     W = bank.shape[1]
-    state = bank[24:43, 0]
+    since = k % W
     prior, prior_var, threshold, youngest = settings[6], settings[15], settings[31], settings[33]
-    young = k - state[7] <= YOUNG
-    level, level_var = (state[5], state[6]) if young else (state[1], state[2])
+    young = k - bank[31, 0] <= YOUNG
+    level, level_var = (bank[29, 0], bank[30, 0]) if young else (bank[25, 0], bank[26, 0])
     highest, slot = 0.0, -1
     for w in range(W):
-        age = (k - w) % W if k >= W else (k - w if w > 0 and k > w else k)
-        if age == 0:
-            age = W
-        if age < youngest or (young and k - age < state[14]):
+        age = _age(w, since, k, W)
+        if age < youngest or (young and k - age < bank[38, 0]):
             continue
         information = 1.0 / bank[11, w] - 1.0 / prior_var
         if information <= 1e-9:
@@ -205,14 +211,12 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
             highest, slot = ratio, w
     raised = highest > threshold and not young
     if slot >= 0 and (raised or (young and highest > threshold)):
-        age = (k - slot) % W if k >= W else (k - slot if slot > 0 and k > slot else k)
-        if age == 0:
-            age = W
+        age = _age(slot, since, k, W)
         if raised:
-            state[5], state[6], state[7] = state[1], state[2], float(k)
-            state[14] = float(k - W)
-            state[8], state[9] = 0.0, 0.0  # what they hold is the change of K, not the air
-        state[3], state[4] = float(slot), float(k - age)
+            bank[29, 0], bank[30, 0], bank[31, 0] = bank[25, 0], bank[26, 0], float(k)
+            bank[38, 0] = float(k - W)
+            bank[32, 0], bank[33, 0] = 0.0, 0.0  # what they hold is the change of K, not the air
+        bank[27, 0], bank[28, 0] = float(slot), float(k - age)
     return raised
 
 
@@ -243,7 +247,6 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
     inflation, keep, low, high = settings[16], settings[18], settings[19], settings[20]
     model = settings[23:31].reshape((2, 4))
     threshold, adaptive, hold = settings[31], settings[32] > 0.0, settings[34]
-    state = bank[24:43, 0]
     W = bank.shape[1]
     best = 0
     if k == 0:
@@ -251,10 +254,10 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
         bank[43:47] = 0.0
         for w in range(W):
             start(bank, settings, w, z0, z1)
-        state[:] = 0.0
-        state[0], state[1], state[2] = 1.0, prior, 0.0
-        state[3], state[4], state[7] = -1.0, 0.0, -1e9
-        state[10], state[11] = settings[21], settings[22]
+        bank[24:43, 0] = 0.0
+        bank[24, 0], bank[25, 0], bank[26, 0] = 1.0, prior, 0.0
+        bank[27, 0], bank[28, 0], bank[31, 0] = -1.0, 0.0, -1e9
+        bank[34, 0], bank[35, 0] = settings[21], settings[22]
     else:
         more0, more1 = 0.0, 0.0
         if adaptive:
@@ -274,48 +277,48 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
         )
         if k >= W:
             best = k % W
-    state[12], state[13] = z0, z1
+    bank[36, 0], bank[37, 0] = z0, z1
     raised = False
     if threshold > 0.0 and W > 1 and k > 0:
         raised = alarm(bank, settings, k)
-        if state[3] >= 0.0:
-            if k - state[4] < W:
-                best = int(state[3])
+        if bank[27, 0] >= 0.0:
+            if k - bank[28, 0] < W:
+                best = int(bank[27, 0])
             else:
-                state[3] = -1.0
+                bank[27, 0] = -1.0
     gain, variance = bank[2, best], bank[11, best]
     told = max(0.0, 1.0 / variance - 1.0 / prior_var)  # information on K in the data alone, and times what they say
     said = gain / variance - prior / prior_var
     if hold > 0.0:  # the last estimate, with this variance, in place of the prior of K
         variance = 1.0 / (told + 1.0 / hold)
-        gain = variance * (said + state[0] / hold)
+        gain = variance * (said + bank[24, 0] / hold)
     bounded = min(max(gain, low), high)
     if threshold > 0.0:
-        since = k - state[7]
+        since = k - bank[31, 0]
         if raised:
-            state[0], state[15] = bounded, state[15] + 1.0
+            bank[24, 0], bank[39, 0] = bounded, bank[39, 0] + 1.0
         elif since <= YOUNG:
             share = max(1.0 - keep, 1.0 - since / YOUNG)
-            state[0] += share * (bounded - state[0])
+            bank[24, 0] += share * (bounded - bank[24, 0])
         elif hold > 0.0:
             # What is new in a window at a tick is a W-th of its information: the smoother follows that, and holds without it.
-            share = min(1.0 - keep, state[18] / (state[18] + W / max(told, 1e-9)))
-            state[0] += share * (said / max(told, 1e-9) - state[0])
-            state[0] = min(max(state[0], low), high)
-            state[18] = (1.0 - share) * state[18] + hold / 4000.0
+            share = min(1.0 - keep, bank[42, 0] / (bank[42, 0] + W / max(told, 1e-9)))
+            bank[24, 0] += share * (said / max(told, 1e-9) - bank[24, 0])
+            bank[24, 0] = min(max(bank[24, 0], low), high)
+            bank[42, 0] = (1.0 - share) * bank[42, 0] + hold / 4000.0
         else:
-            state[0] = keep * state[0] + (1.0 - keep) * bounded
+            bank[24, 0] = keep * bank[24, 0] + (1.0 - keep) * bounded
         if since <= YOUNG:
-            state[18] = variance
-        if state[3] >= 0.0:
-            state[1], state[2] = gain, variance
+            bank[42, 0] = variance
+        if bank[27, 0] >= 0.0:
+            bank[25, 0], bank[26, 0] = gain, variance
         else:
-            state[1] += 0.02 * (gain - state[1])
-            state[2] = max(0.1 * variance, 0.02 * 0.02)
+            bank[25, 0] += 0.02 * (gain - bank[25, 0])
+            bank[26, 0] = max(0.1 * variance, 0.02 * 0.02)
     else:
-        state[0] = keep * state[0] + (1.0 - keep) * bounded
+        bank[24, 0] = keep * bank[24, 0] + (1.0 - keep) * bounded
     result = (
-        bounded, sqrt(variance), state[0], gain, bank[0, best] + settings[35], bank[1, best], bank[21, best], state[15],
+        bounded, sqrt(variance), bank[24, 0], gain, bank[0, best] + settings[35], bank[1, best], bank[21, best], bank[39, 0],
         bank[43, best], bank[44, best], sqrt(bank[45, best]), sqrt(bank[46, best]),
     )  # fmt: skip
     if W > 1 and k > 0:
@@ -356,9 +359,18 @@ def pack_settings(
 
     Process noise, prior, memory, start, smoother, bounds, variances of the readings (2,), model (2, 4) = [A | b | c]; threshold of
     alarms (0: none), whether the process noise follows the disturbances, youngest filter that may raise an alarm, variance with which
-    the last estimate is held (0: the prior is); what is added to state 0 where it is returned.
+    the last estimate is held (0: the prior is); what is added to state 0 where it is returned;
+    room for eight numbers.
     """
     memory = [inflation, begin, keep, *bounds]
     return np.concatenate(
-        [Q.ravel(), x0, P0.ravel(), memory, r, model.ravel(), [threshold, float(adaptive), youngest, hold_var, offset]]
+        [
+            Q.ravel(),
+            x0,
+            P0.ravel(),
+            memory,
+            r,
+            model.ravel(),
+            [threshold, float(adaptive), youngest, hold_var, offset, *([0.0] * 8)],
+        ]
     )

@@ -12,16 +12,19 @@ from flightbed.units import G0
 
 
 @compiled
-def _cell(nodes: Array, value: float) -> tuple[int, float]:
-    """Return the index of the interval and the place in it, 0 to 1; beyond the ends the nearest interval, extrapolated."""
-    low, high = 0, nodes.shape[0] - 1
+def _cell(nodes: Array, at: int, count: int, value: float) -> tuple[int, float]:
+    """Return the interval and the place in it, 0 to 1, among the nodes ``nodes[at : at + count]``; beyond the ends the nearest interval.
+
+    The interval is told by where its first node lies in the array: a slice of it would cost more than the search.
+    """
+    low, high = 0, count - 1
     while high - low > 1:
         middle = (low + high) // 2
-        if nodes[middle] <= value:
+        if nodes[at + middle] <= value:
             low = middle
         else:
             high = middle
-    return low, (value - nodes[low]) / (nodes[low + 1] - nodes[low])
+    return low, (value - nodes[at + low]) / (nodes[at + low + 1] - nodes[at + low])
 
 
 @compiled
@@ -58,38 +61,40 @@ def rates(
     """
     M, N, E, H = int(schedule[0]), int(schedule[1]), int(schedule[2]), int(schedule[3])
     force_x, force_z, moment = schedule[4], schedule[5], schedule[6]
-    at = 8
-    machs, at = schedule[at : at + M], at + M
-    alphas, at = schedule[at : at + N], at + N
-    elevators, at = schedule[at : at + E], at + E
-    altitudes, at = schedule[at : at + H], at + H
-    thrusts, at = schedule[at : at + M * H].reshape((M, H)), at + M * H
+    machs = 8
+    alphas = machs + M
+    elevators = alphas + N
+    altitudes = elevators + E
+    thrusts = altitudes + H
+    table = thrusts + M * H
     width = 4 + 2 * E
-    table = schedule[at:].reshape((M, N, width))
 
     pressure, sound = air(altitude_m)
     speed = mach * sound
     qbar = 0.7 * pressure * mach * mach
-    i, x = _cell(machs, mach)
-    j, y = _cell(alphas, min(max(alpha, alphas[0]), alphas[N - 1]))
-    e, z = _cell(elevators, acting)
-    h, t = _cell(altitudes, altitude_m)
-    dy = 1.0 / (alphas[j + 1] - alphas[j])
-    dz = 1.0 / (elevators[e + 1] - elevators[e])
-    thrust = (1.0 - x) * ((1.0 - t) * thrusts[i, h] + t * thrusts[i, h + 1]) + x * (
-        (1.0 - t) * thrusts[i + 1, h] + t * thrusts[i + 1, h + 1]
+    i, x = _cell(schedule, machs, M, mach)
+    j, y = _cell(schedule, alphas, N, min(max(alpha, schedule[alphas]), schedule[alphas + N - 1]))
+    e, z = _cell(schedule, elevators, E, acting)
+    h, t = _cell(schedule, altitudes, H, altitude_m)
+    dy = 1.0 / (schedule[alphas + j + 1] - schedule[alphas + j])
+    dz = 1.0 / (schedule[elevators + e + 1] - schedule[elevators + e])
+    here = thrusts + i * H + h
+    thrust = (1.0 - x) * ((1.0 - t) * schedule[here] + t * schedule[here + 1]) + x * (
+        (1.0 - t) * schedule[here + H] + t * schedule[here + H + 1]
     )
+    low_low = table + (i * N + j) * width  # the corners of the cell of Mach number and alpha
+    high_low, low_high, high_high = low_low + N * width, low_low + width, low_low + (N + 1) * width
     for row in range(2):
         c = 2 * row
-        low = (1.0 - x) * table[i, j, c] + x * table[i + 1, j, c]
-        high = (1.0 - x) * table[i, j + 1, c] + x * table[i + 1, j + 1, c]
-        damp_low = (1.0 - x) * table[i, j, c + 1] + x * table[i + 1, j, c + 1]
-        damp_high = (1.0 - x) * table[i, j + 1, c + 1] + x * table[i + 1, j + 1, c + 1]
+        low = (1.0 - x) * schedule[low_low + c] + x * schedule[high_low + c]
+        high = (1.0 - x) * schedule[low_high + c] + x * schedule[high_high + c]
+        damp_low = (1.0 - x) * schedule[low_low + c + 1] + x * schedule[high_low + c + 1]
+        damp_high = (1.0 - x) * schedule[low_high + c + 1] + x * schedule[high_high + c + 1]
         d = 4 + row * E + e
-        left_low = (1.0 - x) * table[i, j, d] + x * table[i + 1, j, d]
-        left_high = (1.0 - x) * table[i, j + 1, d] + x * table[i + 1, j + 1, d]
-        right_low = (1.0 - x) * table[i, j, d + 1] + x * table[i + 1, j, d + 1]
-        right_high = (1.0 - x) * table[i, j + 1, d + 1] + x * table[i + 1, j + 1, d + 1]
+        left_low = (1.0 - x) * schedule[low_low + d] + x * schedule[high_low + d]
+        left_high = (1.0 - x) * schedule[low_high + d] + x * schedule[high_high + d]
+        right_low = (1.0 - x) * schedule[low_low + d + 1] + x * schedule[high_low + d + 1]
+        right_high = (1.0 - x) * schedule[low_high + d + 1] + x * schedule[high_high + d + 1]
         scale = qbar / speed if row == 0 else qbar
         damping = scale / speed * ((1.0 - y) * damp_low + y * damp_high)
         surface_low = (1.0 - z) * left_low + z * right_low
@@ -110,17 +115,16 @@ def rates(
 
 @compiled
 def local_model(
-    schedule: Array, model: Array, believed: float, dt: float, alpha: float, q: float, elevator: float,
+    schedule: Array, model: Array, work: Array, believed: float, dt: float, alpha: float, q: float, elevator: float,
     mach: float, altitude_m: float, theta: float, phi: float, q_gust: float,
 ) -> float:  # fmt: skip
     """Write the model of one period into ``model``: (2, 4), [A | b | c] of x+ = A x + b K u + c, x = (alpha, q), u the deflection.
 
     Linearized at the measurement at the period's start and at the deflection that acts if K is as ``believed``; discretized for held
     inputs by the series of the matrix exponential to third order (the rest is below 1e-6 at 100 Hz). The air that moves past the
-    aircraft turns at q_gust: damping acts on the difference. Returns the damping, d q'/d q, 1/s.
+    aircraft turns at q_gust: damping acts on the difference. ``work`` is room, (2, 4). Returns the damping, d q'/d q, 1/s.
 
     """
-    work = np.empty((2, 4))
     rates(schedule, work, alpha, q, believed * elevator, mach, altitude_m, theta, phi)
     a00, a01, a10, a11 = work[0, 1], work[0, 2], work[1, 1], work[1, 2]
     # S = I dt + A dt^2/2 + A^2 dt^3/6, so that e^(A dt) = I + A S.
@@ -138,6 +142,23 @@ def local_model(
     model[0, 2], model[1, 2] = s00 * work[0, 3] + s01 * work[1, 3], s10 * work[0, 3] + s11 * work[1, 3]
     model[0, 3], model[1, 3] = s00 * c0 + s01 * c1, s10 * c0 + s11 * c1
     return float(work[1, 2])
+
+
+@compiled
+def local_models(
+    schedule: Array, models: Array, believed: Array, dt: float, alpha: Array, q: Array, elevator: Array, mach: Array, altitude_m: Array,
+    theta: Array, phi: Array,
+) -> None:  # fmt: skip
+    """Write the models of the periods that end at ticks 1, 2, ... into ``models``: (T, 2, 4), each as ``local_model``, in calm air.
+
+    ``believed``, alpha and so on are (T,): at a period's start, but for the elevator, which is that over the period and stands at its end.
+    """
+    work = np.empty((2, 4))
+    for k in range(1, models.shape[0]):
+        i = k - 1
+        local_model(
+            schedule, models[k], work, believed[i], dt, alpha[i], q[i], elevator[k], mach[i], altitude_m[i], theta[i], phi[i], 0.0
+        )  # fmt: skip
 
 
 @compiled
@@ -165,18 +186,29 @@ def tick(
     """
     if k > 0:
         model = settings[23:31].reshape((2, 4))
-        state = bank[24:, 0]
         follow, r, airspeed = settings[32] > 0.0, settings[21], mach * air(altitude_m)[1]
         rate = min(pi * airspeed / (4.0 * schedule[7]), 0.5 / dt)
-        share = max(0.0, 1.0 - 1.3 * r / state[17]) if follow and state[17] > 0.0 else 0.0
-        last = state[16]
+        share = max(0.0, 1.0 - 1.3 * r / bank[41, 0]) if follow and bank[41, 0] > 0.0 else 0.0
+        last = bank[40, 0]
         damping = local_model(
-            schedule, model, state[0], dt, alpha, q, elevator, mach, altitude_m, theta, phi, share * rate * last
+            schedule,
+            model,
+            settings[36:44].reshape((2, 4)),
+            bank[24, 0],
+            dt,
+            alpha,
+            q,
+            elevator,
+            mach,
+            altitude_m,
+            theta,
+            phi,
+            share * rate * last,
         )
         if follow:
-            told = model[0, 0] * alpha + model[0, 1] * q + model[0, 2] * state[0] * elevator + model[0, 3]
-            state[16] = (1.0 - rate * dt) * last + z0 - told
-            state[17] += max(1.0 / 300.0, 1.0 / (k + 20.0)) * (state[16] * state[16] - state[17])
+            told = model[0, 0] * alpha + model[0, 1] * q + model[0, 2] * bank[24, 0] * elevator + model[0, 3]
+            bank[40, 0] = (1.0 - rate * dt) * last + z0 - told
+            bank[41, 0] += max(1.0 / 300.0, 1.0 / (k + 20.0)) * (bank[40, 0] * bank[40, 0] - bank[41, 0])
             # The mean over a period of two frames, each under the gust at its beginning, has a quarter of the new value.
-            model[1, 3] -= damping * dt * share * rate * 0.25 * (state[16] - last)
+            model[1, 3] -= damping * dt * share * rate * 0.25 * (bank[40, 0] - last)
     return advance(bank, settings, elevator, z0, z1, k)
