@@ -52,6 +52,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
     believed_of, feedback_of, health_at = adaptation.believed, adaptation.elevator_feedback, flight.health
     reference_of, command_of = adaptation.reference, adaptation.command
     updates = [estimator.update for estimator in flight.estimators]
+    only = updates[0] if len(updates) == 1 else None
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
     hold, floor, following, believed = False, flight.floor_m, health_at(0), 1.0
     alpha_trim, oracle, corrected, which = (
@@ -67,7 +68,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
         truth = sense(health)
         measurement = read(tick, truth)
 
-        estimates = tuple([update(measurement) for update in updates])
+        estimates = (only(measurement),) if only else tuple([update(measurement) for update in updates])
 
         if oracle:  # told by the scenario; no estimator is
             believed = believed_of(health.effectiveness)

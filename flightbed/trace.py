@@ -143,8 +143,7 @@ def read_trace(path: str | Path) -> Trace:
 
 def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz: int) -> Trace:
     """Gather the samples of a flight into a trace, as they come; no sample is kept."""
-    row = row_packer(len(estimators))
-    rows = b"".join([row(sample) for sample in samples])
+    rows = b"".join(map(row_packer(len(estimators)), samples))
     return from_rows(np.frombuffer(rows), estimators=estimators, control_hz=control_hz)
 
 

@@ -277,6 +277,7 @@ class JsbsimPlant:
     ) -> None:
         self._fdm = fdm = Fdm(aircraft, 1.0 / plant_hz)
         self._substeps, self._plant_hz = plant_hz // control_hz, plant_hz
+        self._all_but_the_last = range(self._substeps - 1)
         self._stops = aircraft.actuator.min_rad, aircraft.actuator.max_rad
         fdm.configure(altitude_m=start.altitude_m, cg_shift_cbar=cg_shift_cbar)
         fdm.add_fuel(fuel_kg)
@@ -385,12 +386,16 @@ class JsbsimPlant:
         if health is not self._health:
             self._become(health)
         elevator, run, total, windy = self._elevator, self._run, 0.0, self._gusts is not calm
-        for frames_left in range(self._substeps, 0, -1):
-            if frames_left == 1 and following is not health:
-                self._become(following)
+        for _ in self._all_but_the_last:
             if windy:
                 self._blow()
             # A frame moves the aircraft with the accelerations, and so the deflection, of the frame before.
             total += elevator()
             run()
+        if following is not health:
+            self._become(following)
+        if windy:
+            self._blow()
+        total += elevator()
+        run()
         self._mean_elevator = total / self._substeps
