@@ -19,7 +19,7 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from numba import njit
 
-from flightbed.estimation import kernels
+from flightbed.estimation import joint, kernels
 
 WINDOW, TICKS, ROUNDS = 30, 1000, 7
 A, B = np.array([[0.9912, 0.00942], [0.0203, 0.99]]), np.array([-0.0002, -0.1372])
@@ -47,10 +47,11 @@ def bank() -> list[float]:
 
 @njit(cache=True)
 def _refilter(X, P, T, model, Q, R, H, u, z, x0, P0):
-    kernels.start(X, P, 0, x0, P0, False, (0.0, 0.0), R)
+    X[:, 0] = x0
+    P[:, :, 0] = P0
     for k in range(len(u)):
-        kernels.predict(X, P, T, model, u[k], Q, 1.0)
-        kernels.correct(X, P, T, H, R, (z[k, 0], z[k, 1]))
+        joint.predict(X, P, T, model, u[k], Q, 1.0)
+        joint.correct(X, P, T, H, R, (z[k, 0], z[k, 1]))
     return X[2, 0]
 
 
