@@ -349,29 +349,11 @@ class JsbsimPlant:
             alpha, q, theta, phi, psi, airspeed, mach, altitude, latitude, longitude, nz, lift, drag, thrust, elevator,
         ) = map(call, self._get)  # fmt: skip
         # Made without its constructor: twenty arguments by position cost as much as four of the properties.
-        return _new(
-            Truth,
-            (
-                alpha,
-                q,
-                theta,
-                phi,
-                psi - 2.0 * pi if psi > pi else psi,
-                airspeed * FT,
-                mach,
-                altitude * FT,
-                (latitude - self._latitude) * self._north_m,
-                (longitude - self._longitude) * self._east_m,
-                nz,
-                elevator,
-                self._mean_elevator,
-                *health,
-                self._gust_m_s,
-                lift * LBF,
-                drag * LBF,
-                thrust * LBF,
-            ),
-        )
+        return _new(Truth, (
+            alpha, q, theta, phi, psi - 2.0 * pi if psi > pi else psi, airspeed * FT, mach, altitude * FT,
+            (latitude - self._latitude) * self._north_m, (longitude - self._longitude) * self._east_m,
+            nz, elevator, self._mean_elevator, *health, self._gust_m_s, lift * LBF, drag * LBF, thrust * LBF,
+        ))  # fmt: skip
 
     def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
         """Fly one control period with the command held and this left of the aircraft.
