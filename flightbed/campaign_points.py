@@ -76,7 +76,7 @@ def _points(campaign: Campaign) -> Table:
     estimates = [(name, column) for name in campaign.estimators if (column := _estimate(campaign, name))]
     columns = [
         "point", *keys, "flights", *(["failed"] if failed else []), "departed, %", *(["passed, %"] if judged else []),
-        f"median {tracked}", *(f"'{name}': {_short(column)}" for name, column in estimates),
+        "RMS of q - q_ref, deg/s", *(f"{name}: {_short(column)}" for name, column in estimates),
     ]  # fmt: skip
     rows: list[list[Cell]] = []
     for number, (values, there) in enumerate(by_point(campaign)[:_MOST]):
@@ -86,7 +86,7 @@ def _points(campaign: Campaign) -> Table:
         cells += [_percent(departed(there)), *([_percent(passed(there))] if judged else [])]
         cells += [_median(campaign, flown, column) for column in (tracked, *(column for _, column in estimates))]
         rows.append(cells)
-    note = "Shares with exact 95 % intervals; medians with intervals that hold them with at least 95 %, where there are 6 flights or more."
+    note = "Shares with exact 95 % intervals. Medians over the flights, where there are 6 or more with intervals that hold them with 95 %."
     if len(campaign.programme.points) > _MOST:
         note += f" The first {_MOST} of {len(campaign.programme.points)} points; summary.json has all."
     return Table("points", "Points", columns, rows, dict.fromkeys(columns, ".3g"), note)
@@ -106,7 +106,7 @@ def _estimate(campaign: Campaign, name: str) -> str | None:
 
 
 def _short(column: str) -> str:
-    return "median |K-hat - K|" if column.endswith("median_abs_error_post") else "alarms a flight, median"
+    return "|K-hat - K|" if column.endswith("median_abs_error_post") else "false alarms"
 
 
 def _median(campaign: Campaign, rows: Sequence[Row], column: str) -> Cell:
