@@ -223,20 +223,20 @@ def _kept(book: Journal, programme: Programme) -> Iterator[None]:
 
     try:
         yield
-    except (KeyboardInterrupt, SystemExit) as stop:
-        kept = ""
+    except (KeyboardInterrupt, SystemExit, FlightbedError) as stop:
+        if book.done == 0:
+            book.discard()
+            raise
+        kept, how = "", f"the same command with --out {book.target} --resume goes on"
+        if isinstance(stop, FlightbedError):
+            raise InputError(f"{stop}; {book.done} of {len(programme)} flights are kept; {how}") from stop
         if rows := _judged(programme, book.rows()):
             with suppress(FlightbedError):
                 put_table(rows, programme, book)
                 kept = f", which are in {book.target / 'table.parquet'}"
         if isinstance(stop, SystemExit):
             raise
-        raise KeyboardInterrupt(
-            f"interrupted after {book.done} of {len(programme)} flights{kept}; the same command with --out {book.target} --resume goes on"
-        ) from None
-    except FlightbedError as error:
-        how = f"{book.done} of {len(programme)} flights are kept; the same command with --out {book.target} --resume goes on"
-        raise InputError(f"{error}; {how}") from error
+        raise KeyboardInterrupt(f"interrupted after {book.done} of {len(programme)} flights{kept}; {how}") from None
 
 
 def _judged(programme: Programme, rows: Sequence[Row]) -> list[Row]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, closing, contextmanager
@@ -28,6 +29,8 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Engine:
         return partial(processes, workers)
     if workers is not None:
         raise InputError(f"--workers {workers}: has no effect with --scheduler, whose workers fly; leave it out")
+    if not re.fullmatch(r"[a-z]+://.+:\d+", scheduler):
+        raise InputError(f"--scheduler {scheduler}: must be the address of a dask scheduler, tcp://HOST:PORT")
     return partial(cluster, scheduler)
 
 

@@ -122,6 +122,8 @@ class Journal:
     def add(self, number: int, flown: Flown) -> None:
         """Keep a chunk: on disk when it returns. Raises OutputError; what was kept before stays as it was."""
         try:
+            if self.done == 0:
+                self._clear()
             if self.histories is not None:
                 self.histories.add(number, flown.moments)
             self._rows.write("".join(json.dumps(row) + "\n" for row in flown.rows).encode())
@@ -130,6 +132,21 @@ class Journal:
         except OSError as error:
             raise OutputError(f"--out {self.target}: cannot be written: {error.strerror or error}") from None
         self.done += len(flown.rows)
+
+    def _clear(self) -> None:
+        """Take away what an earlier campaign has left in the folder."""
+        for name in CAMPAIGN_FILES:
+            if (self.target / name).is_dir():
+                shutil.rmtree(self.target / name)
+            else:
+                (self.target / name).unlink(missing_ok=True)
+
+    def discard(self) -> None:
+        """Leave no trace of a campaign of which nothing was kept."""
+        self._rows.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
+        with suppress(OSError):  # it holds an earlier one
+            self.target.rmdir()
 
     def rows(self) -> list[Row]:
         """Return the rows of all flights that are done, in the order of their indices."""
@@ -203,7 +220,7 @@ def journal(out: Path, programme: Programme, *, replace: bool, resume: bool) -> 
 
 
 def _begin(target: Path, programme: Programme, *, replace: bool) -> Path:
-    """Make the folder of a campaign that begins; what an earlier one left in it goes. Raises OSError."""
+    """Make the folder of a campaign that begins; what an earlier one left in it stays until flights are kept. Raises OSError."""
     if replace:
         target.mkdir(parents=True, exist_ok=True)
     else:
@@ -212,11 +229,6 @@ def _begin(target: Path, programme: Programme, *, replace: bool) -> Path:
     known = {"campaign": programme.fingerprint, "name": programme.name, "flights": len(programme)}
     (target / UNFINISHED).mkdir(exist_ok=True)
     _whole(target / UNFINISHED / "campaign.json", lambda path: _write(path, json.dumps(known, indent=2) + "\n"))
-    for name in CAMPAIGN_FILES:
-        if (target / name).is_dir():
-            shutil.rmtree(target / name)
-        else:
-            (target / name).unlink(missing_ok=True)
     return target
 
 

@@ -113,6 +113,8 @@ def test_options_that_exclude_each_other() -> None:
         engine(0)
     with pytest.raises(InputError, match="--workers 2: has no effect with --scheduler"):
         engine(2, "tcp://127.0.0.1:1")
+    with pytest.raises(InputError, match="--scheduler here: must be the address of a dask scheduler, tcp://HOST:PORT"):
+        engine(None, "here")
 
 
 def test_no_extra_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -167,7 +169,8 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_table(
     command = ["campaign", "elevator-loss", "--runs", "60", *LONGER, "--out", "x", "--scheduler", address]
     nobody = flightbed(*command, cwd=tmp_path)
     assert (nobody.returncode, nobody.stderr.count("\n")) == (2, 1), nobody.stderr
-    assert f"--scheduler {address}: has no workers; start some, dask worker {address}" in nobody.stderr
+    assert f"--scheduler {address}: has no workers; start some, dask worker {address}\n" in nobody.stderr
+    assert not (tmp_path / "x").exists()
     one_thread = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1"]
     processes += [_begin("worker", address, *one_thread, cwd=tmp_path) for _ in range(2)]
     _wait_for_workers(address, 2)

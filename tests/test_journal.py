@@ -124,6 +124,23 @@ def test_an_interrupt_leaves_a_usable_table_and_says_how_to_go_on(
     assert counted == []
 
 
+def test_what_keeps_nothing_leaves_an_earlier_campaign_as_it_was(
+    programme: Programme, whole: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "x"
+    other = plain(load_scenario("elevator-loss", [*SHORT, "failures.0.to=0.3"]), RUNS)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        campaigns.run(other, out, workers=1, progress=_stop_after(0))
+    assert (str(caught.value), list(tmp_path.iterdir())) == ("", [])
+    shutil.copytree(whole, out)
+    with pytest.raises(KeyboardInterrupt):
+        campaigns.run(other, out, workers=1, progress=_stop_after(0))
+    _assert_the_same(out, whole)
+    with pytest.raises(KeyboardInterrupt):
+        campaigns.run(other, out, workers=1, progress=_stop_after(1))
+    assert {p.name for p in out.iterdir()} == {"unfinished", "table.parquet"}
+
+
 def test_a_torn_line_is_flown_again_and_nothing_else(
     programme: Programme, whole: Path, tmp_path: Path, counted: list[int]
 ) -> None:
