@@ -239,12 +239,15 @@ def _kept(book: Journal, programme: Programme) -> Iterator[None]:
         raise KeyboardInterrupt(f"interrupted after {book.done} of {len(programme)} flights{kept}; {how}") from None
 
 
-def _judged(programme: Programme, rows: Sequence[Row]) -> list[Row]:
+def _judged(programme: Programme, rows: list[Row]) -> list[Row]:
+    """Fill in whether they passed, in place: there may be many."""
     criteria = () if programme.settings is None else programme.settings.criteria
-    return [{**row, "passed": passes(row, criteria)} for row in rows]
+    for i, row in enumerate(rows):
+        rows[i] = {**row, "passed": passes(row, criteria)}
+    return rows
 
 
-def _campaign(programme: Programme, rows: Sequence[Row], histories: Histories | None, began: float) -> Campaign:
+def _campaign(programme: Programme, rows: list[Row], histories: Histories | None, began: float) -> Campaign:
     rows = _judged(programme, rows)
     index, reason = worst_of(rows)
     worst = None if index < 0 else fly_one(scenario_of(programme.raw, programme.flight(index)))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
@@ -117,7 +118,7 @@ class Journal:
             if not isinstance(found, dict):
                 return
             self._whole_bytes += len(line)
-            yield found
+            yield {sys.intern(name): value for name, value in found.items()}  # one text for all rows
 
     def add(self, number: int, flown: Flown) -> None:
         """Keep a chunk: on disk when it returns. Raises OutputError; what was kept before stays as it was."""

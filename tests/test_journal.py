@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -317,6 +318,11 @@ def test_flights_that_raise_are_rows_and_traces_that_are_chosen_are_kept(
     kept = pq.read_table(out / "traces" / "flight-2.parquet").column("q_deg_s").to_numpy()
     assert np.array_equal(kept, alone.trace["q_deg_s"])
     assert table[2]["scheduled.final"] == alone.metrics.estimators["scheduled"].final
+    program, command, base, *options = shlex.split(found["worst"]["command"].replace("FOLDER", str(out)))
+    assert (program, command, options[::2]) == ("flightbed", "run", ["--set"] * 2)
+    reflown = fly_one(load_scenario(base, options[1::2])).metrics
+    assert reflown.to_dict() == found["worst"]["metrics"]
+    assert reflown.tracking_rms_pre_deg_s == max(row["tracking_rms_pre_deg_s"] or 0.0 for row in table)
     again = load_programme(out / "campaign.toml")  # the folder flies again as it is
     assert [again.flight(i) for i in range(12)] == [grid.flight(i) for i in range(12)]
 
