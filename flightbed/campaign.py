@@ -1,208 +1,281 @@
-"""One scenario flown with many seeds: the flights, their numbers, the worst of them, and the folder that they leave."""
+"""Many flights of a scenario or over the points of a campaign file: their rows, the worst of them, and the folder that they leave."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
-from flightbed.campaign_table import NO_QUANTITIES, Quantity, Row, ended, flown_s, quantity, rows
+from flightbed.campaign_file import plain
+from flightbed.campaign_flights import CHUNK, Flown, chunk_of, fly_chunk
+from flightbed.campaign_table import Quantity, Row, passes, quantities, quantity
 from flightbed.consistency import detectors
-from flightbed.ensemble import Flown, Job, fly_jobs, processes
-from flightbed.errors import InputError
+from flightbed.engine import Engine, engine, results
+from flightbed.errors import FlightbedError, InputError
 from flightbed.extension import permits
-from flightbed.folder import CAMPAIGN_FILES, check_target, write_campaign
-from flightbed.mission import Result, plan
+from flightbed.journal import Histories, Journal, journal
+from flightbed.mission import Result
 from flightbed.mission import run as fly_one
+from flightbed.moments import Moments
+from flightbed.programme import Programme, scenario_of, versions
 from flightbed.settings import Scenario
 from flightbed.statistics import Interval, share
 
 Progress = Callable[[int, int], None]
 
-HISTORIES = (
-    "q_deg_s",
-    "q_ref_deg_s",
-    "alpha_deg",
-    "elevator_deg",
-    "effectiveness_true",
-)  # and of estimators the smoothed K
-_BATCH = 10  # flights of a job: so many are done before the progress tells of them, and two workers share twenty
-_LAST_SEED = 2**63 - 1
-
 
 @dataclass(frozen=True)
 class Campaign:
-    """Flights of one scenario with successive seeds.
+    """Flights of a programme.
 
     Attributes:
-        scenario: as flown, complete; its seed is the first flight's.
-        flights: one a seed, in their order, with the columns ``HISTORIES`` and ``<name>.effectiveness_smoothed``.
-        worst: the worst flight, flown again, whole.
+        programme: what was flown.
+        rows: one a flight, in order of their indices: column -> value, None where there is none.
+        histories: mean and deviation of the columns ``campaign_flights.HISTORIES`` and ``<name>.effectiveness_smoothed``; None of
+            several points, and where nothing flew.
+        worst: the worst flight, flown again, whole; None where every flight raised.
+        worst_index: its index.
         reason: why it is the worst, in words.
-        wall_time_s: how long it took.
+        wall_time_s: how long it took, after the last ``--resume``.
 
     """
 
-    scenario: Scenario
-    flights: Sequence[Flown]
-    worst: Result
+    programme: Programme
+    rows: Sequence[Row]
+    histories: Moments | None
+    worst: Result | None
+    worst_index: int
     reason: str
     wall_time_s: float
+
+    @property
+    def scenario(self) -> Scenario:
+        """The base scenario, complete."""
+        return self.programme.scenario
 
     @property
     def estimators(self) -> tuple[str, ...]:
         """Names of the estimators, as the scenario orders them."""
         return tuple(e.name for e in self.scenario.estimators)
 
+    @cached_property
+    def flown(self) -> list[Row]:
+        """Rows of the flights that did not raise."""
+        return [row for row in self.rows if row["error"] is None]
+
+    @cached_property
+    def failed(self) -> list[Row]:
+        """Rows of the flights that raised."""
+        return [row for row in self.rows if row["error"] is not None]
+
     @property
-    def departed(self) -> Interval:
+    def departed(self) -> Interval | None:
         """Share of the flights that departed, with its exact binomial interval."""
-        return share(sum(f.metrics.departed for f in self.flights), len(self.flights))
+        return departed(self.rows)
+
+    @property
+    def passed(self) -> Interval | None:
+        """Share of the flights that keep the criteria, those that raised counted as not; None without criteria."""
+        return passed(self.rows)
 
     @property
     def override(self) -> str:
         """Options of ``flightbed run`` that fly the worst flight again, of the campaign's scenario.toml."""
-        return f" --set seed={self.worst.plan.scenario.seed}{permits(self.worst.summary)}"
+        if self.worst is None:
+            return ""
+        return f"{self.programme.overrides(self.programme.flight(self.worst_index))}{permits(self.worst.summary)}"
 
     @property
     def again(self) -> str:
         """Command that flies the worst flight again; FOLDER is the campaign's."""
         return f"flightbed run FOLDER/scenario.toml{self.override}"
 
-    @cached_property
-    def rows(self) -> list[Row]:
-        """Table of the flights: column -> value of each; None where there is none."""
-        return rows(self.flights, self.scenario)
-
     def quantity(self, column: str) -> Quantity:
-        """Return a column of the table as a quantity of the flights."""
-        return quantity(self.rows, column, tests=detectors(self.scenario))
+        """Return a column of the table as a quantity of the flights that did not raise."""
+        return quantity(self.flown, column, tests=detectors(self.scenario))
 
     def quantities(self) -> list[Quantity]:
-        """Return every number of the table that some flight has, but for seeds."""
-        columns = [column for column in self.rows[0] if column not in NO_QUANTITIES]
-        return [q for q in map(self.quantity, columns) if q.known]
+        """Return every metric that is a number and that some flight has."""
+        return quantities(self.flown, self.scenario)
+
+
+def departed(rows: Sequence[Row]) -> Interval | None:
+    """Return the share that departed of the flights that did not raise, with its exact interval; None if all did."""
+    known = [row["departed"] for row in rows if row["error"] is None]
+    return share(known.count(True), len(known)) if known else None
+
+
+def passed(rows: Sequence[Row]) -> Interval | None:
+    """Return the share of the flights that keep the criteria, with its exact interval; None without criteria."""
+    known = [row["passed"] for row in rows]
+    return None if not known or None in known else share(known.count(True), len(known))
 
 
 def run(
-    scenario: Scenario,
+    flights: Scenario | Programme,
     out: str | Path,
     *,
-    runs: int,
+    runs: int = 100,
     workers: int | None = None,
+    scheduler: str | None = None,
     replace: bool = True,
+    resume: bool = False,
     progress: Progress | None = None,
-) -> tuple[Campaign, Path]:
-    """Fly a campaign on local processes and leave a folder with scenario, table, summary and report, whole or not at all.
+) -> tuple[Campaign | None, Path]:
+    """Fly a campaign, and leave a folder with scenario, campaign file, table, summary and report.
+
+    What is flown is kept in the folder from flight to flight (``journal.py``); after an interrupt or a kill ``resume`` flies the rest,
+    and the table is the same to the last bit.
 
     Args:
-        scenario: what to fly.
+        flights: a programme, or a scenario to be flown ``runs`` times with successive seeds.
         out: folder to write.
-        runs: how often.
+        runs: of a scenario how often.
         workers: processes, all cores if None.
-        replace: an ``out`` that holds an earlier campaign is replaced, and any other folder that is not empty is refused; if false,
-            the first free one of OUT, OUT-2, OUT-3, ... is taken instead.
+        scheduler: address of a dask scheduler whose workers fly instead.
+        replace: an ``out`` that holds a finished campaign is replaced, and any other folder that is not empty is refused; if false, the
+            first free one of OUT, OUT-2, OUT-3, ... is taken instead.
+        resume: go on with what is there of this campaign.
         progress: called with the numbers of flights that are done, and of all, whenever some are done.
 
     Returns:
-        The campaign, and where it was written.
+        The campaign, None if ``resume`` found it finished, and where it is.
 
     Raises:
-        As ``fly``; OutputError when the folder cannot be written.
+        As ``fly``; OutputError when the folder cannot be written; InputError when it is another campaign's; KeyboardInterrupt, with how to
+        go on, after having written the table of what is done.
 
     """
-    if workers is not None and workers < 1:
-        raise InputError(f"--workers: must be at least 1 (got {workers})")
-    target = check_target(Path(out), replace=replace, files=CAMPAIGN_FILES)
-    with processes(workers) as executor:
-        flown = fly(scenario, runs, executor=executor, progress=progress)
-    return flown, write_campaign(flown, target, replace=replace)
+    from flightbed.campaign_folder import finish
+
+    began, opened = time.perf_counter(), engine(workers, scheduler)
+    programme = plain(flights, runs) if isinstance(flights, Scenario) else flights
+    with journal(Path(out), programme, replace=replace, resume=resume) as book:
+        if isinstance(book, Path):
+            return None, book
+        with _kept(book, programme):
+            if progress is not None:
+                progress(book.done, len(programme))
+            for number, flown in _flown(programme, book.missing, opened):
+                book.add(number, flown)
+                if progress is not None:
+                    progress(book.done, len(programme))
+            campaign = _campaign(programme, book.rows(), book.histories, began)
+            finish(campaign, book)
+        return campaign, book.target
 
 
 def fly(
-    scenario: Scenario, runs: int, *, executor: Executor | None = None, progress: Progress | None = None
+    flights: Scenario | Programme,
+    runs: int = 100,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
 ) -> Campaign:
-    """Fly a scenario with ``runs`` successive seeds, its own first.
+    """Fly a programme, or a scenario with ``runs`` successive seeds, and leave no folder.
 
     Args:
-        scenario: what to fly.
-        runs: how often.
+        flights: what to fly.
+        runs: of a scenario how often.
         executor: where, see ``ensemble.processes``; None flies here and now. The flights do not depend on it.
         progress: called with the numbers of flights that are done, and of all, whenever some are done.
 
     Raises:
-        InputError, NotComputableError, as ``mission.run`` does; InputError for runs < 1, and for seeds beyond the largest.
+        InputError, NotComputableError, as ``mission.run`` does with a scenario; InputError for runs < 1, and for seeds beyond the largest.
 
     """
-    if runs < 1:
-        raise InputError(f"--runs: must be at least 1 (got {runs})")
-    if scenario.seed > _LAST_SEED - runs + 1:
-        raise InputError(f"seed: must be at most {_LAST_SEED - runs + 1} with {runs} flights (got {scenario.seed})")
-    began, done = time.perf_counter(), 0
-
-    def tell(flights: int) -> None:
-        nonlocal done
-        done += flights
+    programme = plain(flights, runs) if isinstance(flights, Scenario) else flights
+    began, parts, done = time.perf_counter(), dict[int, Flown](), 0
+    histories = Histories() if len(programme.points) == 1 else None
+    chunks = range(-(-len(programme) // CHUNK))
+    for number, flown in _flown(programme, chunks, lambda: nullcontext(executor)):
+        parts[number] = flown
+        done += len(flown.rows)
+        if histories is not None:
+            histories.add(number, flown.moments)
         if progress is not None:
-            progress(done, runs)
-
-    scenario = plan(scenario).scenario  # complete; and what cannot be flown is told before workers start
-    columns = (*HISTORIES, *(f"{e.name}.effectiveness_smoothed" for e in scenario.estimators))
-    starts = range(0, runs, _BATCH)
-    jobs = [Job(scenario, min(_BATCH, runs - start), columns, scenario.seed + start) for start in starts]
-    flights = [flown for part in fly_jobs(jobs, executor=executor, progress=tell) for flown in part]
-    worst, reason = _worst(flights, scenario)
-    return Campaign(scenario, flights, fly_one(scenario.with_seed(worst.seed)), reason, time.perf_counter() - began)
+            progress(done, len(programme))
+    return _campaign(programme, [row for n in sorted(parts) for row in parts[n].rows], histories, began)
 
 
-def _worst(flights: Sequence[Flown], scenario: Scenario) -> tuple[Flown, str]:
-    """Return the worst flight, the first of several, and why: it departed first, hit the ground first, or tracked worst."""
+def _flown(programme: Programme, chunks: Sequence[int], opened: Engine) -> Iterator[tuple[int, Flown]]:
+    """Yield chunks as they are done. Raises InputError when a worker has other versions than we."""
+    if not chunks:
+        return
+    with closing(results((chunk_of(programme, n) for n in chunks), fly_chunk, opened)) as found:
+        for chunk, flown in found:
+            for package, ours in versions().items():
+                if flown.versions[package] != ours:
+                    raise InputError(
+                        f"a worker has {package} {flown.versions[package]}, here it is {ours}; install the same"
+                    )
+            yield chunk.number, flown
+
+
+@contextmanager
+def _kept(book: Journal, programme: Programme) -> Iterator[None]:
+    """Tell of what ends the flights how to go on; leave a table of what is done."""
+    from flightbed.campaign_folder import put_table
+
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit, FlightbedError) as stop:
+        if book.done == 0:
+            book.discard()
+            raise
+        kept, how = "", f"the same command with --out {book.target} --resume goes on"
+        if isinstance(stop, FlightbedError):
+            raise InputError(f"{stop}; {book.done} of {len(programme)} flights are kept; {how}") from stop
+        if rows := _judged(programme, book.rows()):
+            with suppress(FlightbedError):
+                put_table(rows, programme, book)
+                kept = f", which are in {book.target / 'table.parquet'}"
+        if isinstance(stop, SystemExit):
+            raise
+        raise KeyboardInterrupt(f"interrupted after {book.done} of {len(programme)} flights{kept}; {how}") from None
+
+
+def _judged(programme: Programme, rows: list[Row]) -> list[Row]:
+    """Fill in whether they passed, in place: there may be many."""
+    criteria = () if programme.settings is None else programme.settings.criteria
+    for i, row in enumerate(rows):
+        rows[i] = {**row, "passed": passes(row, criteria)}
+    return rows
+
+
+def _campaign(programme: Programme, rows: list[Row], histories: Histories | None, began: float) -> Campaign:
+    rows = _judged(programme, rows)
+    index, reason = worst_of(rows)
+    worst = None if index < 0 else fly_one(scenario_of(programme.raw, programme.flight(index)))
+    merged = None if histories is None else histories.merged
+    return Campaign(programme, rows, merged, worst, index, reason, time.perf_counter() - began)
+
+
+def worst_of(rows: Sequence[Row]) -> tuple[int, str]:
+    """Return the worst flight, the first of several, and why: it departed first, hit the ground first, or tracked worst.
+
+    Of flights that all raised there is none: -1.
+    """
+    flown = [row for row in rows if row["error"] is None]
+    if not flown:
+        return -1, "every flight failed"
     for how, words in (("departed", "departed first"), ("ground", "hit the ground first")):
-        gone = [flown for flown in flights if ended(flown, scenario) == how]
+        gone = [row for row in flown if row["ended"] == how]
         if gone:
-            worst = min(gone, key=lambda flown: flown_s(flown, scenario))
-            return worst, f"{words}, at {worst.metrics.departed_at_s or flown_s(worst, scenario):.2f} s"
-    worst = max(flights, key=_tracking)
-    return worst, f"largest RMS of q - q_ref {tracking_words(worst)}, {_tracking(worst):.3g} deg/s"
+            worst = min(gone, key=lambda row: float(row["flown_s"] or 0.0))
+            return int(worst["index"] or 0), f"{words}, at {worst['departed_at_s'] or worst['flown_s']:.2f} s"
+    worst = max(flown, key=_tracking)
+    return int(worst["index"] or 0), f"largest RMS of q - q_ref {_words(worst)}, {_tracking(worst):.3g} deg/s"
 
 
-def _tracking(flown: Flown) -> float:
-    after = flown.metrics.tracking_rms_post_deg_s
-    return (after if after is not None else flown.metrics.tracking_rms_pre_deg_s) or 0.0
+def _tracking(row: Row) -> float:
+    after = row["tracking_rms_post_deg_s"]
+    return float((after if after is not None else row["tracking_rms_pre_deg_s"]) or 0.0)
 
 
-def tracking_words(flown: Flown) -> str:
-    """Return what the tracking of a flight is taken over."""
-    return "over the whole flight" if flown.metrics.tracking_rms_post_deg_s is None else "from 0.3 s after the failure"
-
-
-def summary(campaign: Campaign) -> dict[str, Any]:
-    """Return what summary.json holds: nested plain values, null for what is infinite or cannot be said."""
-    departed, worst = campaign.departed, campaign.worst.summary
-    ends = [row["ended"] for row in campaign.rows]
-    numbers = {q.column: q.to_dict() for q in campaign.quantities()}
-    return {
-        "scenario": campaign.scenario.name,
-        "flights": len(campaign.flights),
-        "first_seed": campaign.scenario.seed,
-        "departed": {"count": ends.count("departed"), "share": departed.estimate, "low": departed.low, "high": departed.high},
-        "hit_ground": ends.count("ground"),
-        **{column: values for column, values in numbers.items() if "." not in column},
-        "estimators": {
-            name: {c.removeprefix(f"{name}."): v for c, v in numbers.items() if c.startswith(f"{name}.")}
-            for name in campaign.estimators
-        },
-        "worst": {
-            "seed": worst["seed"],
-            "reason": campaign.reason,
-            "command": campaign.again,
-            "metrics": campaign.worst.metrics.to_dict(),
-        },
-        "wall_time_s": campaign.wall_time_s,
-        "aircraft_sha256": worst["aircraft_sha256"],
-        "versions": worst["versions"],
-    }  # fmt: skip
+def _words(row: Row) -> str:
+    return "over the whole flight" if row["tracking_rms_post_deg_s"] is None else "from 0.3 s after the failure"

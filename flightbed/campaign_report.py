@@ -1,4 +1,4 @@
-"""Campaign -> its report: how many departed, distributions, mean and one-sigma histories, medians, the worst flight."""
+"""Campaign -> its report: how many departed, its points, distributions, mean and one-sigma histories, medians, the worst flight."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ import numpy.typing as npt
 
 from flightbed import drawing, palette
 from flightbed.campaign import Campaign
+from flightbed.campaign_points import axis_words, criteria_words, points_section, value_words
 from flightbed.campaign_table import Quantity
 from flightbed.card import correction, failures, flown, gusts, outcome
 from flightbed.document import Cell, Document, Listing, Picture, Section, Table, show
-from flightbed.ensemble import histories
 from flightbed.extension import at_hand, permits
 from flightbed.figures import MARGIN, mark_changes, pictures
+from flightbed.moments import Moments
+from flightbed.programme import versions
 from flightbed.report import ESTIMATOR_METRICS, again
+from flightbed.statistics import Interval
 from flightbed.units import unit_of
 
 if TYPE_CHECKING:
@@ -26,6 +29,7 @@ Vector = npt.NDArray[np.float64]
 Line = tuple[str, str, list[float]]  # name, colour, values
 
 _BINS = 30
+_MOST_ERRORS = 20  # that the page tells
 _MEANINGS = {
     "departed_at_s": "departure, over the flights that departed",
     "flown_s": "time flown",
@@ -37,30 +41,67 @@ _MEANINGS = {
 
 def campaign_report(campaign: Campaign) -> Document:
     """Return the report of a campaign; the same for the same flights, but for the time that they took."""
-    scenario, flights = campaign.scenario, campaign.flights
-    aircraft, first = campaign.worst.plan.aircraft.name, scenario.seed
-    seeds = f"{first} to {first + len(flights) - 1}"
-    versions = campaign.worst.summary["versions"]
+    scenario, programme, worst = campaign.scenario, campaign.programme, campaign.worst
+    aircraft = scenario.aircraft.model if worst is None else worst.plan.aircraft.name
+    seeds, condition = _seeds(campaign), f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     facts = {
-        "again": f"flightbed campaign FOLDER/scenario.toml --runs {len(flights)}{permits(campaign.worst.summary)}",
-        "flights": len(flights),
+        "again": _all_again(campaign),
+        "flights": len(campaign.rows),
         "seeds": seeds,
         "wall_time_s": round(campaign.wall_time_s, 1),
-        "aircraft": f"{aircraft}, SHA-256 {campaign.worst.summary['aircraft_sha256']}",
-        "versions": versions,
+        "aircraft": f"{aircraft}, SHA-256 {', '.join(programme.aircraft)}",
+        "campaign": f"SHA-256 {programme.fingerprint}",
+        "versions": dict(versions()),
     }
     what = [row if row[0] != "seed" else ("seeds", seeds) for row in flown(scenario, aircraft)]
+    varied = "What flew" if len(programme.axes) == 0 else "What flew, but for what is varied"
     sections = [
-        Section("What flew", (), [Table("flown", "The flights", ("", ""), what)]),
-        Section("How the flights differ", (), _distributions(campaign)),
-        Section("Mean and one sigma", (), _histories(campaign)),
-        Section("Medians", (), _medians(campaign)),
-        _worst(campaign),
-        again(scenario.to_toml(), campaign.override, versions, at_hand(campaign.worst.summary)),
+        *points_section(campaign),
+        Section(varied, (), [Table("flown", "The flights", ("", ""), what)]),
+        *([_failures(campaign)] if campaign.failed else []),
     ]
-    condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
-    title = f"{scenario.name}: {len(flights)} flights of {aircraft} at {condition}"
+    if worst is not None:
+        sections += [
+            Section("How the flights differ", (), _distributions(campaign)),
+            *(
+                [Section("Mean and one sigma", (), _histories(campaign, campaign.histories))]
+                if campaign.histories
+                else []
+            ),
+            Section("Medians", (), _medians(campaign)),
+            _worst(campaign),
+            again(scenario.to_toml(), campaign.override, worst.summary["versions"], at_hand(worst.summary)),
+        ]
+    where = f" at {condition}" if len(programme.points) == 1 else f", {len(programme.points)} points"
+    title = f"{programme.name}: {len(campaign.rows)} flights of {aircraft}{where}"
     return Document(title, sections, facts, lead(campaign))
+
+
+def _seeds(campaign: Campaign) -> str:
+    programme = campaign.programme
+    if programme.settings is not None:
+        return f"one of every flight, from the campaign's seed {programme.settings.seed} and the flight's index"
+    return f"{programme.scenario.seed} to {programme.scenario.seed + len(programme) - 1}"
+
+
+def _all_again(campaign: Campaign) -> str:
+    own = "" if campaign.worst is None else permits(campaign.worst.summary)
+    if campaign.programme.settings is not None:
+        return f"flightbed campaign FOLDER/campaign.toml{own}"
+    return f"flightbed campaign FOLDER/scenario.toml --runs {len(campaign.rows)}{own}"
+
+
+def _failures(campaign: Campaign) -> Section:
+    """Return what the flights that raised have said, each message once."""
+    said: dict[str, list[int]] = {}
+    for row in campaign.failed:
+        said.setdefault(str(row["error"]), []).append(int(row["index"] or 0))
+    rows: list[list[Cell]] = [
+        [len(indices), ", ".join(map(str, indices[:5])) + (", ..." if len(indices) > 5 else ""), error]
+        for error, indices in sorted(said.items(), key=lambda item: -len(item[1]))[:_MOST_ERRORS]
+    ]
+    text = f"{len(campaign.failed)} of {len(campaign.rows)} flights raised an error; they are in no other number of this page."
+    return Section("Flights that failed", (text,), [Table("errors", "Errors", ("flights", "indices", "error"), rows)])
 
 
 def tracking(campaign: Campaign) -> Quantity:
@@ -70,16 +111,28 @@ def tracking(campaign: Campaign) -> Quantity:
 
 
 def headline(campaign: Campaign) -> str:
-    """Return in a few sentences how many flew and departed, and how well they tracked."""
-    departed, flights = campaign.departed, len(campaign.flights)
-    chosen = tracking(campaign)
-    gone = round(departed.estimate * flights)
-    after = "" if chosen.column.endswith("pre_deg_s") else " from 0.3 s after the failure"
-    told = f" Median RMS of q - q_ref{after}: {_interval(chosen, '.3g')} deg/s." if chosen.known else ""
-    return (
-        f"{gone} of {flights} flights departed: {departed.estimate:.1%} "
-        f"(95 % interval {departed.low:.1%} to {departed.high:.1%}).{told}"
+    """Return in a few sentences how many flew, departed and passed, and how well they tracked."""
+    departed, passed, settings = campaign.departed, campaign.passed, campaign.programme.settings
+    failed = (
+        f"{len(campaign.failed)} of {len(campaign.rows)} flights failed: {campaign.failed[0]['error']}."
+        if campaign.failed
+        else ""
     )
+    if departed is None:
+        return failed
+    chosen = tracking(campaign)
+    told = [f"{_share(departed, 'flights departed')}."]
+    if passed is not None and settings is not None:
+        told.append(f"{_share(passed, 'passed')}; to pass: {criteria_words(settings.criteria)}.")
+    if chosen.known:
+        after = "" if chosen.column.endswith("pre_deg_s") else " from 0.3 s after the failure"
+        told.append(f"Median RMS of q - q_ref{after}: {_interval(chosen, '.3g')} deg/s.")
+    return " ".join([*told, *([failed] if failed else [])])
+
+
+def _share(share: Interval, what: str) -> str:
+    count = round(share.estimate * share.runs)
+    return f"{count} of {share.runs} {what}: {share.estimate:.1%} (95 % interval {share.low:.1%} to {share.high:.1%})"
 
 
 def _interval(quantity: Quantity, spec: str) -> str:
@@ -93,10 +146,12 @@ def lead(campaign: Campaign) -> Section:
     """Return what a reader should know after ten seconds."""
     scenario = campaign.scenario
     happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "nothing fails"
+    varied = "; ".join(f"{axis.key}: {axis_words(axis)}" for axis in campaign.programme.axes)
     text = [
         headline(campaign),
+        *([f"Varied: {varied}. Of the base scenario:"] if varied else []),
         f"{happened[0].upper()}{happened[1:]}. The {scenario.control.law} law is {correction(scenario)}. "
-        f"Worst flight: seed {campaign.worst.summary['seed']}, {campaign.reason}.",
+        f"Worst flight: {_which(campaign)}{campaign.reason}.",
     ]
     keys = ("median_abs_error_post", "first_within_20pct_s", "detected_at_s", "nis_mean", "nees_mean_post")
     columns = (
@@ -113,6 +168,14 @@ def lead(campaign: Campaign) -> Section:
         rows.append([name, *(_often(q) for q in quantities)])
     note = "Medians over the flights, with 95 % interval."
     return Section("", text, [Table("key", "", columns, rows, dict.fromkeys(columns, ".3g"), note)] if rows else ())
+
+
+def _which(campaign: Campaign) -> str:
+    if campaign.worst is None:
+        return ""
+    flight = campaign.programme.flight(campaign.worst_index)
+    values = "".join(f"{key} = {value_words(value)}, " for key, value in flight.values.items())
+    return f"{f'number {flight.index}, ' if values else ''}{values}seed {flight.seed}, "
 
 
 def _often(quantity: Quantity) -> Cell:
@@ -151,7 +214,7 @@ def _colors(campaign: Campaign) -> dict[str, str]:
 def _distributions(campaign: Campaign) -> list[Picture]:
     """Return histograms: of tracking by what came of the flight, of the errors and delays of every estimator."""
     chosen = tracking(campaign)
-    gone = [flown.metrics.departed for flown in campaign.flights]
+    gone = [row["departed"] for row in campaign.flown]
     by_end: list[Line] = [
         (name, color, [v for v, away in zip(chosen.values, gone, strict=True) if v is not None and away == wanted])
         for name, color, wanted in (("stayed", drawing.ACTUAL, False), ("departed", drawing.FAILURE, True))
@@ -210,19 +273,20 @@ def _edges(low: float, high: float, tick_s: float | None) -> list[float]:
     return [(first - 0.5 + each * i) * tick_s for i in range((last - first) // each + 2)]
 
 
-def _histories(campaign: Campaign) -> list[Picture]:
-    flights, scenario = campaign.flights, campaign.scenario
-    t = np.arange(max(len(f.columns["q_deg_s"]) for f in flights)) / scenario.rates.control_hz
+def _histories(campaign: Campaign, histories: Moments) -> list[Picture]:
+    scenario, flying = campaign.scenario, histories.flying
+    flights = int(flying[0])
+    t = np.arange(len(flying)) / scenario.rates.control_hz
     alone = drawing.ACTUAL
 
     def band(axis: Axes, column: str, color: str, label: str) -> tuple[Vector, Vector]:
-        mean, std, _ = histories(flights, column)
+        mean, std = histories.mean[column], histories.std(column)
         drawing.band(axis, t, mean - std, mean + std, color=color, alpha=0.25)
         drawing.line(axis, t, mean, color=color, label=label)
         return mean, std
 
     def motion(axes: list[Axes]) -> str:
-        drawing.line(axes[0], t, histories(flights, "q_ref_deg_s")[0], color=drawing.REFERENCE, label="reference")
+        drawing.line(axes[0], t, histories.mean["q_ref_deg_s"], color=drawing.REFERENCE, label="reference")
         words = []
         for axis, column, label in zip(
             axes, ("q_deg_s", "alpha_deg", "elevator_deg"), ("pitch rate, deg/s", "angle of attack, deg", "elevator, deg"), strict=False
@@ -232,15 +296,14 @@ def _histories(campaign: Campaign) -> list[Picture]:
             finite = np.where(np.isfinite(std), std, 0.0)
             words.append(f"{label.partition(',')[0]}: sigma up to {finite.max():.3g}, at {t[finite.argmax()]:.2f} s")
         if len(axes) > 3:
-            flying = histories(flights, "q_deg_s")[2].astype(np.float64)
-            drawing.line(axes[3], t, flying, color=drawing.OTHER)
-            axes[3].set_ylim(0.0, 1.05 * len(flights))
+            drawing.line(axes[3], t, flying.astype(np.float64), color=drawing.OTHER)
+            axes[3].set_ylim(0.0, 1.05 * flights)
             axes[3].set_ylabel("still flying")
-            words.append(f"{int(flying[-1])} of {len(flights)} fly at {t[-1]:.2f} s")
+            words.append(f"{flying[-1]} of {flights} fly at {t[-1]:.2f} s")
         return "; ".join(words) + "."
 
     def gain(axes: list[Axes]) -> str:
-        words, truth = [], histories(flights, "effectiveness_true")[0]
+        words, truth = [], histories.mean["effectiveness_true"]
         for axis, (name, color) in zip(axes, _colors(campaign).items(), strict=True):
             drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.2, label="truth")
             mean, std = band(axis, f"{name}.effectiveness_smoothed", color, f"smoothed K of '{name}', mean, +-1 sigma")
@@ -249,7 +312,7 @@ def _histories(campaign: Campaign) -> list[Picture]:
             words.append(f"'{name}' ends at {mean[-1]:.3f} +- {std[-1]:.2g} (truth {truth[-1]:.3f}).")
         return " ".join(words)
 
-    early = any(len(f.columns["q_deg_s"]) < len(t) for f in flights) or len(t) < scenario.ticks
+    early = flying[-1] < flights or len(t) < scenario.ticks
     figures: list[tuple[str, str, int, Callable[[list[Axes]], str]]] = [
         ("motion", "Motion and elevator", 3 + early, motion)
     ]
@@ -274,7 +337,9 @@ def _history(
 
 def _worst(campaign: Campaign) -> Section:
     worst = campaign.worst
+    assert worst is not None
     stayed = f"; {outcome(worst.summary)}" if worst.summary["ended"] == "time" else ""
-    text = f"Seed {worst.summary['seed']}: {campaign.reason}{stayed}."
+    which = _which(campaign)
+    text = f"{which[0].upper()}{which[1:-2]}: {campaign.reason}{stayed}."
     listing = Listing("It flies again, with a report of its own, by", campaign.again)
     return Section("The worst flight", (text,), [listing, *pictures(worst, ("pitch-rate", "effectiveness"))])

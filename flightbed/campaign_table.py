@@ -1,22 +1,34 @@
-"""Flights of one scenario -> a table, a row a flight, and its columns as quantities: medians with intervals, ranges."""
+"""Flights of a campaign -> a table, a row a flight, and its columns as quantities: medians with intervals, ranges."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+import json
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from math import inf, isfinite
 from pathlib import Path
+from types import MappingProxyType
 
-from flightbed.ensemble import Flown
-from flightbed.errors import OutputError
-from flightbed.settings import Scenario
+from flightbed.consistency import detectors
+from flightbed.metrics import EstimatorMetrics, Metrics
+from flightbed.programme import Flight
+from flightbed.settings import Criterion, Scenario
 from flightbed.statistics import Interval, Spread, median_interval, spread
 from flightbed.units import unit_of
 
 Value = int | float | bool | str | None
 Row = Mapping[str, Value]
 
-NO_QUANTITIES = ("seed", "departed", "ended", "estimators_since_s")
+_METRICS = (
+    "departed", "ended", "departed_at_s", "flown_s", "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s", "estimators_since_s",
+)  # fmt: skip
+_KINDS = MappingProxyType(
+    {
+        "index": "int64", "point": "int64", "seed": "int64", "hash": "string", "error": "string", "passed": "bool_",
+        "departed": "bool_", "ended": "string",
+    }
+)  # fmt: skip
+_NO_QUANTITIES = (*_KINDS, "estimators_since_s")
 _EVENTS = ("first_within_20pct_s", "first_within_20pct_smoothed_s", "detected_at_s")  # None: it never happened
 
 
@@ -62,37 +74,68 @@ class Quantity:
         return {**plain, "flights": middle.runs, "never": self.never}
 
 
-def flown_s(flown: Flown, scenario: Scenario) -> float:
-    """Return how long a flight lasted, s."""
-    return len(flown.columns["q_deg_s"]) / scenario.rates.control_hz
+def metric_columns(scenario: Scenario) -> list[str]:
+    """Return the columns of the table that are metrics of a flight."""
+    return _metric_columns([e.name for e in scenario.estimators])
 
 
-def ended(flown: Flown, scenario: Scenario) -> str:
-    """Return how a flight ended: ``"departed"``, ``"ground"`` or ``"time"``, as in metrics.json."""
-    whole = len(flown.columns["q_deg_s"]) == scenario.ticks
-    return "departed" if flown.metrics.departed else "time" if whole else "ground"
+def _metric_columns(estimators: Iterable[str]) -> list[str]:
+    return [*_METRICS, *(f"{name}.{field.name}" for name in estimators for field in fields(EstimatorMetrics))]
 
 
-def rows(flights: Sequence[Flown], scenario: Scenario) -> list[Row]:
-    """Return the table: column -> value of every flight; None where there is none."""
-    return [
-        {
-            "seed": flown.seed,
-            "departed": flown.metrics.departed,
-            "ended": ended(flown, scenario),
-            "departed_at_s": flown.metrics.departed_at_s,
-            "flown_s": flown_s(flown, scenario),
-            "tracking_rms_pre_deg_s": flown.metrics.tracking_rms_pre_deg_s,
-            "tracking_rms_post_deg_s": flown.metrics.tracking_rms_post_deg_s,
-            "estimators_since_s": flown.metrics.estimators_since_s,
-            **{
-                f"{name}.{metric}": value
-                for name, measured in flown.metrics.estimators.items()
-                for metric, value in asdict(measured).items()
-            },
-        }
-        for flown in flights
-    ]
+def row(flight: Flight, known: str, metrics: Metrics, *, ticks: int, scenario: Scenario) -> Row:
+    """Return the row of a flight that was flown: column -> value, None where there is none.
+
+    Args:
+        flight: which.
+        known: its hash.
+        metrics: how it went.
+        ticks: how many it lasted.
+        scenario: of the flight.
+
+    """
+    return {
+        **_identity(flight, known, None),
+        "departed": metrics.departed,
+        "ended": "departed" if metrics.departed else "time" if ticks == scenario.ticks else "ground",
+        "departed_at_s": metrics.departed_at_s,
+        "flown_s": ticks / scenario.rates.control_hz,
+        "tracking_rms_pre_deg_s": metrics.tracking_rms_pre_deg_s,
+        "tracking_rms_post_deg_s": metrics.tracking_rms_post_deg_s,
+        "estimators_since_s": metrics.estimators_since_s,
+        **{
+            f"{name}.{metric}": value
+            for name, measured in metrics.estimators.items()
+            for metric, value in asdict(measured).items()
+        },
+    }
+
+
+def failed_row(flight: Flight, known: str | None, error: str, estimators: Sequence[str]) -> Row:
+    """Return the row of a flight that raised: what it said, and no metrics."""
+    return {**_identity(flight, known, error), **dict.fromkeys(_metric_columns(estimators))}
+
+
+def _identity(flight: Flight, known: str | None, error: str | None) -> Row:
+    values = {key: json.dumps(v) if isinstance(v, list | tuple) else v for key, v in flight.values.items()}
+    return {
+        "index": flight.index, "point": flight.point, **values, "seed": flight.seed, "hash": known, "error": error, "passed": None,
+    }  # fmt: skip
+
+
+def passes(row: Row, criteria: Sequence[Criterion]) -> bool | None:
+    """Tell whether a flight keeps all criteria; None if there are none. What has no value, or raised, does not."""
+    return all(_keeps(row[c.metric], c) for c in criteria) if criteria else None
+
+
+def _keeps(value: Value, criterion: Criterion) -> bool:
+    if value is None:
+        return False
+    if criterion.equals is not None:
+        return value == criterion.equals
+    low = -inf if criterion.min is None else criterion.min
+    high = inf if criterion.max is None else criterion.max
+    return not isinstance(value, str) and low <= value <= high
 
 
 def quantity(table: Sequence[Row], column: str, *, tests: Collection[str]) -> Quantity:
@@ -112,18 +155,45 @@ def quantity(table: Sequence[Row], column: str, *, tests: Collection[str]) -> Qu
     return Quantity(column, tuple(values))
 
 
-def write_table(table: Sequence[Row], path: Path) -> None:
-    """Write the table as Parquet; the unit of every column is also in its metadata. Raises OutputError."""
+def quantities(table: Sequence[Row], scenario: Scenario) -> list[Quantity]:
+    """Return every metric that is a number, and that some flight has."""
+    tests = detectors(scenario)
+    columns = [column for column in metric_columns(scenario) if column not in _NO_QUANTITIES]
+    return [q for q in (quantity(table, column, tests=tests) for column in columns) if q.known]
+
+
+def write_table(table: Sequence[Row], path: Path, keys: Sequence[str] = ()) -> None:
+    """Write the table as Parquet; the unit of every column is also in its metadata. Raises OSError.
+
+    Args:
+        table: rows, each with the same columns; at least one.
+        path: where to.
+        keys: columns that are values of axes: theirs is the narrowest kind that holds them all.
+
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    types = {"seed": pa.int64(), "departed": pa.bool_(), "ended": pa.string()}
+    schema = pa.schema(
+        [
+            pa.field(c, getattr(pa, _kind(table, c) if c in keys else _kind_of(c))(), metadata={"unit": unit_of(c)})
+            for c in table[0]
+        ]
+    )
+    columns = {c: [row[c] for row in table] for c in table[0]}
+    for key in keys:
+        if schema.field(key).type == pa.string():
+            columns[key] = [v if isinstance(v, str) else json.dumps(v) for v in columns[key]]
+    pq.write_table(pa.Table.from_pydict(columns, schema=schema), path)
 
-    def kind(column: str) -> pa.DataType:
-        return types.get(column, pa.int64() if column.endswith(".false_alarms") else pa.float64())
 
-    schema = pa.schema([pa.field(column, kind(column), metadata={"unit": unit_of(column)}) for column in table[0]])
-    try:
-        pq.write_table(pa.Table.from_pylist([dict(row) for row in table], schema=schema), path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error}") from None
+def _kind_of(column: str) -> str:
+    return _KINDS.get(column, "int64" if column.endswith(".false_alarms") else "float64")
+
+
+def _kind(table: Sequence[Row], column: str) -> str:
+    kinds = {type(row[column]) for row in table}
+    for fitting, name in (({bool}, "bool_"), ({int}, "int64"), ({int, float}, "float64")):
+        if kinds <= fitting:
+            return name
+    return "string"

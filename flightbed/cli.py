@@ -51,8 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         code = _fail(str(error).replace("\n", " "), 2)
     except FlightbedError as error:
         code = _fail(str(error), error.exit_code)
-    except KeyboardInterrupt:
-        code = _fail("interrupted; nothing was written", INTERRUPTED)
+    except KeyboardInterrupt as stop:
+        code = _fail(str(stop) or "interrupted; nothing was written", INTERRUPTED)
     except BrokenPipeError:  # the reader of our output has gone: not our failure
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the flush at exit complains
         code = 0
@@ -289,44 +289,49 @@ def _deliver(content: bytes, output: Path | None) -> None:
 
 @app.command
 def campaign(
-    scenario: str,
+    file: str,
     /,
     *,
-    runs: int = 100,
+    runs: Annotated[int | None, Parameter(show_default=False)] = None,
     workers: Annotated[int | None, Parameter(show_default=False)] = None,
+    scheduler: Annotated[str | None, Parameter(show_default=False)] = None,
     out: Path | None = None,
+    resume: Flag = False,
     set_: Sets = None,
     use: Several = None,
     json: Flag = False,
 ) -> None:
-    """Fly one scenario with successive seeds, from its own on, and leave a folder with table, summary and report.
+    """Fly a campaign, many flights over what its file varies or one scenario with successive seeds; leave table, summary and report.
 
     Args:
-        scenario: A shipped name (see `flightbed list scenarios`) or the path of a TOML file.
-        runs: Flights.
+        file: A shipped name (see `flightbed list campaigns` and `scenarios`) or the path of a campaign's or scenario's TOML file.
+        runs: Flights at each point; without it what the file says, of a scenario 100.
         workers: Processes that fly, all cores without it; the results do not depend on it.
-        out: Folder to write; an earlier campaign in it is replaced. Without it: campaigns/NAME, or campaigns/NAME-2, ... if that exists.
-        set_: KEY=VALUE, replaces one key of the scenario, as in --set failures.0.to=0.35; repeat --set for each key.
+        scheduler: tcp://HOST:PORT of a dask scheduler whose workers fly instead; needs the extra `distributed`.
+        out: Folder to write; a finished campaign in it is replaced. Without it: campaigns/NAME, or campaigns/NAME-2, ... if that exists.
+        resume: Go on with an unfinished campaign: only what is missing is flown.
+        set_: KEY=VALUE, replaces one key of the (base) scenario, as in --set failures.0.to=0.35; repeat --set for each key.
         use: MODULE:ATTRIBUTE or FILE.py:ATTRIBUTE, code outside flightbed that the scenario names and that may be imported and run.
         json: Print what summary.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
     from flightbed import campaign as campaigns
+    from flightbed.campaign_file import load_programme
     from flightbed.extension import check_named, using
-    from flightbed.scenario import load_scenario
     from flightbed.screen import campaign_lines, progress_bar
 
     with using(*(use or ())), progress_bar() as progress:
-        settings = load_scenario(scenario, set_ or ())
-        check_named(settings, use or ())
-        place = out if out is not None else Path("campaigns") / settings.name
+        programme = load_programme(file, set_ or (), runs)
+        check_named(programme.scenario, use or ())
+        place = out if out is not None else Path("campaigns") / programme.name
         flown, written = campaigns.run(
-            settings, place, runs=runs, workers=workers, replace=out is not None, progress=progress
-        )
+            programme, place, workers=workers, scheduler=scheduler, replace=out is not None, resume=resume, progress=progress,
+        )  # fmt: skip
     if json:
-        print(json_module.dumps({**campaigns.summary(flown), "folder": str(written)}, indent=2))
+        told = json_module.loads((written / "summary.json").read_text(encoding="utf-8"))
+        print(json_module.dumps({**told, "folder": str(written)}, indent=2))
     else:
-        _print(campaign_lines(flown, written))
+        _print(campaign_lines(flown, written) if flown is not None else [f"nothing is missing; finished in {written}"])
 
 
 @app.command
@@ -368,7 +373,7 @@ def reproduce(
         _print(study_lines(document, written))
 
 
-Family = Literal["aircraft", "scenarios", "estimators", "laws", "failures", "commands", "studies"]
+Family = Literal["aircraft", "scenarios", "campaigns", "estimators", "laws", "failures", "commands", "studies"]
 
 
 @app.command(name="list")

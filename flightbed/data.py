@@ -12,7 +12,9 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def shipped(kind: str) -> Path:
-    """Return the folder of shipped data of a kind, ``"aircraft"`` or ``"scenario"``."""
+    """Return the folder of shipped data of a kind, ``"aircraft"``, ``"scenario"`` or ``"campaign"``."""
+    if kind == "campaign":
+        return shipped("scenario") / "campaigns"
     installed = _PACKAGE / f"{kind}_data"
     return (
         installed if installed.is_dir() else _PACKAGE.parent / {"aircraft": "aircraft", "scenario": "scenarios"}[kind]
@@ -20,7 +22,7 @@ def shipped(kind: str) -> Path:
 
 
 def names(kind: str) -> Iterator[str]:
-    """Yield the names of shipped aircraft or scenarios, sorted."""
+    """Yield the names of shipped aircraft, scenarios or campaigns, sorted."""
     folder = shipped(kind)
     found = (
         (p.parent.name for p in folder.glob("*/aircraft.toml"))
@@ -28,6 +30,21 @@ def names(kind: str) -> Iterator[str]:
         else (p.stem for p in folder.glob("*.toml"))
     )
     yield from sorted(found)
+
+
+def find_flights(name: str) -> Path:
+    """Return the file of a campaign or a scenario, given a shipped name or a path of the user's own, which wins when it exists.
+
+    Raises UnknownNameError or InputError.
+    """
+    campaign = shipped("campaign") / f"{name}.toml"
+    if Path(name).name == name and campaign.is_file() and not Path(name).is_file():
+        return campaign
+    try:
+        return find("scenario", name)
+    except UnknownNameError as error:
+        known = (*names("scenario"), *names("campaign"))
+        raise UnknownNameError("scenario", name, known, also=" (neither a shipped name nor a path)") from error
 
 
 def find(kind: str, name: str) -> Path:

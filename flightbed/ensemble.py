@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import wait
+from threading import Thread
 
 import numpy as np
 import numpy.typing as npt
@@ -121,13 +123,24 @@ def processes(workers: int | None = None) -> Iterator[Executor | None]:
     if count == 1:
         yield None
         return
-    # An interrupt is the parent's to handle: it cancels what has not begun and waits for the rest.
-    ignore = (signal.SIGINT, signal.SIG_IGN)
     with (
         _environment(dict.fromkeys(_THREADS, "1")),  # read when a worker starts, at the latest with the first chunks
-        ProcessPoolExecutor(count, get_context("spawn"), initializer=signal.signal, initargs=ignore) as executor,
+        ProcessPoolExecutor(count, get_context("spawn"), initializer=_begin) as executor,
     ):
         yield executor
+
+
+def _begin() -> None:
+    """Prepare a worker: an interrupt is the parent's to handle, which cancels what has not begun; a killed parent ends it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+        Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    wait([sentinel])
+    os._exit(1)  # nobody is there to hear of it, and the queue that the worker waits at would never end
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Folders of runs, of campaigns and of studies: written whole or not at all."""
+"""Folders of runs, studies and comparisons: written whole or not at all. Those of campaigns grow, see journal.py."""
 
 from __future__ import annotations
 
@@ -16,17 +16,16 @@ from flightbed.errors import OutputError
 from flightbed.pacing import heap_set_aside
 
 if TYPE_CHECKING:
-    from flightbed.campaign import Campaign
     from flightbed.comparison import Run
     from flightbed.document import Document
     from flightbed.mission import Result
     from flightbed.telemetry.shown import Shown
 
 RUN_FILES = frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"})
-CAMPAIGN_FILES = frozenset({"scenario.toml", "table.parquet", "summary.json", "report.html"})
+CAMPAIGN_FILES = frozenset({"scenario.toml", "campaign.toml", "table.parquet", "summary.json", "report.html", "traces"})
 STUDY_FILES = frozenset({"report.html", "results.json"})
 COMPARISON_FILES = frozenset({"comparison.rrd", "comparison.json", "report.html"})
-_KINDS = {RUN_FILES: "run", CAMPAIGN_FILES: "campaign", STUDY_FILES: "study", COMPARISON_FILES: "comparison"}
+_KINDS = {RUN_FILES: "run", STUDY_FILES: "study", COMPARISON_FILES: "comparison"}  # others are campaigns'
 
 
 def check_target(target: Path, *, replace: bool, files: frozenset[str] = RUN_FILES) -> Path:
@@ -48,7 +47,7 @@ def check_target(target: Path, *, replace: bool, files: frozenset[str] = RUN_FIL
             strangers = sorted(p.name for p in target.iterdir() if p.name not in files)
             if strangers:
                 raise OutputError(
-                    f"--out {target}: holds '{strangers[0]}', which is not from a {_KINDS[files]}; name a new folder"
+                    f"--out {target}: holds '{strangers[0]}', which is not from a {_KINDS.get(files, 'campaign')}; name a new folder"
                 )
         parent = next(p for p in target.absolute().parents if p.exists())
         tempfile.TemporaryDirectory(dir=parent, prefix=".flightbed-").cleanup()
@@ -62,28 +61,12 @@ def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replac
 
     def write(new: Path) -> None:
         (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
-        (new / "metrics.json").write_text(_json(result.summary), encoding="utf-8")
+        (new / "metrics.json").write_text(to_json(result.summary), encoding="utf-8")
         result.trace.write(new / "trace.parquet")
         if rerun:
             _record(result, new / "flight.rrd")
         if report:
             (new / "report.html").write_text(_page(result), encoding="utf-8")
-
-    return _write(target, write, replace=replace)
-
-
-def write_campaign(campaign: Campaign, target: Path, *, replace: bool) -> Path:
-    """Write the folder of a campaign: scenario, table, summary, report; returns where it went."""
-    from flightbed.campaign import summary
-    from flightbed.campaign_report import campaign_report
-    from flightbed.campaign_table import write_table
-    from flightbed.page import render
-
-    def write(new: Path) -> None:
-        (new / "scenario.toml").write_text(campaign.scenario.to_toml(), encoding="utf-8")
-        (new / "summary.json").write_text(_json(summary(campaign)), encoding="utf-8")
-        (new / "report.html").write_text(render(campaign_report(campaign)), encoding="utf-8")
-        write_table(campaign.rows, new / "table.parquet")
 
     return _write(target, write, replace=replace)
 
@@ -94,7 +77,7 @@ def write_study(document: Document, target: Path, *, replace: bool) -> Path:
 
     def write(new: Path) -> None:
         (new / "report.html").write_text(render(document), encoding="utf-8")
-        (new / "results.json").write_text(_json(document.to_dict()), encoding="utf-8")
+        (new / "results.json").write_text(to_json(document.to_dict()), encoding="utf-8")
 
     return _write(target, write, replace=replace)
 
@@ -107,13 +90,14 @@ def write_comparison(runs: Sequence[Run], document: Document, target: Path, *, r
 
     def write(new: Path) -> None:
         (new / "report.html").write_text(render(document), encoding="utf-8")
-        (new / "comparison.json").write_text(_json(to_dict(runs)), encoding="utf-8")
+        (new / "comparison.json").write_text(to_json(to_dict(runs)), encoding="utf-8")
         record(new / "comparison.rrd", runs, tables=document.tables())
 
     return _write(target, write, replace=replace)
 
 
-def _json(values: dict[str, Any]) -> str:
+def to_json(values: dict[str, Any]) -> str:
+    """Return a file of plain values."""
     return json.dumps(values, indent=2, allow_nan=False) + "\n"
 
 

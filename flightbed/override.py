@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -26,12 +27,13 @@ def override(raw: Mapping[str, Any], overrides: Sequence[str]) -> tuple[Mapping[
         key, equals, value = text.partition("=")
         if not equals:
             raise ScenarioError([f"--set {text}: must be KEY=VALUE, for example --set failures.0.to=0.35"])
-        raw = _replaced(raw, key.split("."), _toml_value(value), f"--set {text}")
+        raw = replaced(raw, key.split("."), toml_value(value), f"--set {text}")
         keys.append(key)
     return raw, frozenset(keys)
 
 
-def _toml_value(text: str) -> Any:
+def toml_value(text: str) -> Any:
+    """Read a value as TOML, or else take it as text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -41,8 +43,17 @@ def _toml_value(text: str) -> Any:
             return {"True": True, "False": False}.get(text, text)
 
 
-def _replaced(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
-    """Return a copy of a nested structure with one value replaced; tables on the way are made as needed."""
+def setting(key: str, value: Any) -> str:
+    """Return KEY=VALUE for a value of TOML, as an override reads it back."""
+    is_plain = isinstance(value, str) and toml_value(value) == value and isinstance(toml_value(value), str)
+    return f"{key}={value if is_plain else json.dumps(value, ensure_ascii=False)}"
+
+
+def replaced(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
+    """Return a copy of a nested structure with one value replaced; tables on the way are made as needed.
+
+    Raises ScenarioError, with the place, when the keys reach into nothing.
+    """
     key, rest = keys[0], keys[1:]
     missing: Any = [] if rest and rest[0].isdigit() else {}
     if isinstance(node, list):
@@ -50,7 +61,7 @@ def _replaced(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
             raise ScenarioError([f"{place}: '{key}' must be an index from 0 to {len(node)} ({len(node)} adds one)"])
         index = int(key)
         old = node[index] if index < len(node) else missing
-        return [*node[:index], _replaced(old, rest, value, place) if rest else value, *node[index + 1 :]]
+        return [*node[:index], replaced(old, rest, value, place) if rest else value, *node[index + 1 :]]
     if not isinstance(node, dict):
         raise ScenarioError([f"{place}: '{key}': there is no table here to reach into"])
-    return {**node, key: _replaced(node.get(key, missing), rest, value, place) if rest else value}
+    return {**node, key: replaced(node.get(key, missing), rest, value, place) if rest else value}

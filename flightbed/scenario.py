@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from flightbed import data
@@ -23,61 +24,95 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Sequence[st
     Raises UnknownNameError when there is no such scenario, ScenarioError with every problem otherwise.
     """
     if isinstance(source, Mapping):
-        place = "scenario"
-        raw: Mapping[str, Any] = source
-    else:
-        path = data.find("scenario", str(source))
-        place = _shown(path)
-        try:
-            raw = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
-            raise ScenarioError([f"{place}: cannot be read: {error}"]) from None
-        except tomllib.TOMLDecodeError as error:
-            raise ScenarioError([f"{place}: not TOML: {error}"]) from None
+        return build(source, "scenario", overrides)
+    path = data.find("scenario", str(source))
+    return build(read_toml(path), shown(path), overrides)
+
+
+def build(raw: Mapping[str, Any], place: str, overrides: Sequence[str] = ()) -> Scenario:
+    """Return the scenario of what a file holds, with overrides; ``place`` is what errors call the file. Raises ScenarioError."""
+    return changed(raw, place, overrides)[1]
+
+
+def changed(raw: Mapping[str, Any], place: str, overrides: Sequence[str]) -> tuple[Mapping[str, Any], Scenario]:
+    """Return what a file holds with overrides applied, which its description tells, and the scenario of it. Raises ScenarioError."""
     raw, overridden = override(raw, overrides)
     description = raw.get("description", "")
     if overridden and "description" not in overridden and isinstance(description, str):
         raw = {**raw, "description": f"{description} (changed: {', '.join(overrides)})".strip()}
-    try:
-        scenario = Scenario.model_validate(_frozen(raw))
-    except ValidationError as error:
-        raise ScenarioError(_problems(error, place, overridden)) from None
+    scenario = validated(raw, place, dict.fromkeys(overridden, "--set"))
     if idle := [
         f"--set {key}: has no effect with {why}" for key, why in idle_keys(scenario).items() if key in overridden
     ]:
         raise ScenarioError(idle)
-    return scenario
+    return raw, scenario
 
 
-def _frozen(value: Any) -> Any:
+def validated(raw: Mapping[str, Any], place: str, origins: Mapping[str, str]) -> Scenario:
+    """Return the scenario of nested plain values.
+
+    Args:
+        raw: what a file holds, overrides applied.
+        place: what errors call the file.
+        origins: keys that somebody else has set -> what errors call that, ``"--set"`` or a place in a campaign file.
+
+    Raises:
+        ScenarioError: with every problem.
+
+    """
+    try:
+        return Scenario.model_validate(frozen(raw))
+    except ValidationError as error:
+        raise ScenarioError(problems(error, place, origins)) from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return what a TOML file holds. Raises ScenarioError."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError([f"{shown(path)}: cannot be read: {error}"]) from None
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError([f"{shown(path)}: not TOML: {error}"]) from None
+
+
+def frozen(value: Any) -> Any:
     """Return nested lists as tuples: strict validation takes no list for a tuple."""
     if isinstance(value, Mapping):
-        return {key: _frozen(inner) for key, inner in value.items()}
-    return tuple(map(_frozen, value)) if isinstance(value, list | tuple) else value
+        return {key: frozen(inner) for key, inner in value.items()}
+    return tuple(map(frozen, value)) if isinstance(value, list | tuple) else value
 
 
-def _shown(path: Path) -> str:
-    return f"scenarios/{path.name}" if path.parent == data.shipped("scenario") else str(path)
+def shown(path: Path) -> str:
+    """Return what errors call a file of scenarios or campaigns: as in the source tree if it is shipped."""
+    for kind, folder in (("scenario", "scenarios"), ("campaign", "scenarios/campaigns")):
+        if path.parent == data.shipped(kind):
+            return f"{folder}/{path.name}"
+    return str(path)
 
 
-def _problems(error: ValidationError, place: str, overridden: Collection[str]) -> list[str]:
-    problems = []
+def problems(
+    error: ValidationError, place: str, origins: Mapping[str, str] = MappingProxyType({}), model: type = Scenario
+) -> list[str]:
+    """Return what a validation found, one line each, with place, value and cure."""
+
+    def whose(key: str) -> str:
+        """Return what set the key, or a part of it, with what separates the two."""
+        origin = next((o for k, o in origins.items() if k == key or k.startswith(f"{key}.")), None)
+        return f"{place}: " if origin is None else f"{origin} " if origin == "--set" else f"{origin}: "
+
+    found = []
     for item in error.errors(include_url=False):
         key = ".".join(str(part) for part in item["loc"])
-        where = f"--set {key}" if key in overridden else f"{place}: {key}"
         if item["type"] == "consistency":
-            problems += [f"{place}: {line}" for line in item["msg"].splitlines()]
+            found += [f"{place}: {key}{': ' if key else ''}{line}" for line in item["msg"].splitlines()]
         elif item["type"] == "extra_forbidden":
-            known = known_keys(item["loc"][:-1])
+            known = known_keys(model, item["loc"][:-1])
             hint = did_you_mean(str(item["loc"][-1]), known) or f"; known: {', '.join(known)}"
-            by_override = any(k == key or k.startswith(f"{key}.") for k in overridden)
-            problems.append(f"{'--set' if by_override else place}: unknown key {key}{hint}")
+            found.append(f"{whose(key).rstrip(': ')}: unknown key {key}{hint}")
         else:
-            text = message(item)
-            got = (
-                ""
-                if item["type"] in ("missing", "rates", "bounds", "poles", "outside")
-                else f" (got {brief(item['input'])})"
-            )
-            problems.append(f"{where}: {text}{got}")
-    return problems
+            exact = whose(key) if key in origins else f"{place}: "
+            silent = item["type"] in ("missing", "rates", "bounds", "poles", "outside")
+            got = "" if silent else f" (got {brief(item['input'])})"
+            found.append(f"{exact}{key}: {message(item)}{got}")
+    return found

@@ -27,11 +27,23 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[int, int], None]]:
-    """Show on stderr, if that is a terminal, how many of how many flights are done; gives the function to tell it by."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    """Show on stderr, if that is a terminal, how many flights are done, the rate, the time left; gives the function to tell it by."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    class Rate(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text("" if task.speed is None else f"{task.speed:.3g} flights/s", style="dim")
 
     screen = Console(stderr=True)
-    columns = (TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("flying"), BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
         task = bar.add_task("", total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
@@ -132,7 +144,7 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
     from flightbed.campaign_report import lead
 
     told = lead(campaign)
-    yield Text.from_markup(f"[bold]{campaign.scenario.name}[/bold]: {escape(campaign.scenario.description)}")
+    yield Text.from_markup(f"[bold]{campaign.programme.name}[/bold]: {escape(campaign.programme.description)}")
     for paragraph in told.text:
         yield Padding(escape(paragraph), (0, 2))
     for table in told.items:
@@ -144,8 +156,9 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
                 medians = [cell.estimate if isinstance(cell, Interval) else cell for cell in row]
                 grid.add_row(*(escape(cell) for cell in table.shown(medians)))
             yield Padding(grid, (0, 1))
-    yield f"  again: flightbed run {escape(str(written))}/scenario.toml{escape(campaign.override)}"
-    yield f"  {len(campaign.flights)} flights in {campaign.wall_time_s:.1f} s; written to {escape(str(written))}"
+    if campaign.worst is not None:
+        yield f"  again: flightbed run {escape(str(written))}/scenario.toml{escape(campaign.override)}"
+    yield f"  {len(campaign.rows)} flights in {campaign.wall_time_s:.1f} s; written to {escape(str(written))}"
 
 
 def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
@@ -177,16 +190,18 @@ def list_lines(family: str | None) -> Iterator[RenderableType]:
     """Tell what there is, one line each: of one family, or of all."""
     from flightbed import data, registry
     from flightbed.linear_aircraft import load_flyable
-    from flightbed.scenario import load_scenario
+    from flightbed.scenario import load_scenario, read_toml
 
     def entries(family: str) -> list[tuple[str, str]]:
         if family == "aircraft":
             return [(name, load_flyable(name).description) for name in data.names("aircraft")]
         if family == "scenarios":
             return [(name, load_scenario(name).description) for name in data.names("scenario")]
+        if family == "campaigns":
+            return [(name, str(read_toml(data.find_flights(name))["description"])) for name in data.names("campaign")]
         return [(name, registry.summary(family, name)) for name in registry.names(family)]
 
-    for one in [family] if family else ["aircraft", "scenarios", *registry.FAMILIES]:
+    for one in [family] if family else ["aircraft", "scenarios", "campaigns", *registry.FAMILIES]:
         if not family:
             yield f"[bold]{one}[/bold]"
         found = entries(one)

@@ -9,7 +9,13 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "flightbed"
 MODULES = sorted(PACKAGE.rglob("*.py"))
-EDGES = {"jsbsim": "plant/jsbsim.py", "rerun": "telemetry/", "pydantic": "settings.py", "cyclopts": "cli.py"}
+EDGES = {
+    "jsbsim": "plant/jsbsim.py",
+    "rerun": "telemetry/",
+    "pydantic": "settings/",
+    "cyclopts": "cli.py",
+    "distributed": "engine.py",
+}
 
 
 def _name(path: Path) -> str:

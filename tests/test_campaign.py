@@ -17,18 +17,19 @@ from rich.console import Console
 
 from flightbed import campaign as campaigns
 from flightbed import drawing
-from flightbed.campaign import Campaign, summary
+from flightbed.campaign import Campaign
+from flightbed.campaign_flights import HISTORIES
+from flightbed.campaign_folder import finish, summary
 from flightbed.campaign_report import campaign_report
-from flightbed.campaign_table import Quantity
-from flightbed.document import Document
-from flightbed.ensemble import Flown, processes
+from flightbed.campaign_table import Quantity, Row, passes
+from flightbed.ensemble import processes
 from flightbed.errors import InputError, OutputError
-from flightbed.folder import CAMPAIGN_FILES, write_campaign
-from flightbed.metrics import Metrics
+from flightbed.journal import Journal, journal
 from flightbed.mission import run
 from flightbed.page import render
 from flightbed.scenario import load_scenario
 from flightbed.screen import campaign_lines
+from flightbed.settings import Criterion
 from flightbed.statistics import median_interval, share
 from tests.command_line import flightbed
 from tests.test_page import assert_self_contained, assert_sound, words
@@ -44,7 +45,11 @@ def flown() -> Campaign:
 
 @pytest.fixture(scope="module")
 def folder(flown: Campaign, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_campaign(flown, tmp_path_factory.mktemp("campaigns") / "x", replace=True)
+    target = tmp_path_factory.mktemp("campaigns") / "x"
+    with journal(target, flown.programme, replace=True, resume=False) as book:
+        assert isinstance(book, Journal)
+        finish(flown, book)
+    return target
 
 
 def _summary(folder: Path) -> dict[str, Any]:
@@ -69,7 +74,7 @@ def test_columns_tell_their_units(folder: Path) -> None:
     schema = pq.read_schema(folder / "table.parquet")
     assert schema.field("tracking_rms_post_deg_s").metadata == {b"unit": b"deg/s"}
     assert schema.field("scheduled.detected_at_s").metadata == {b"unit": b"s"}
-    assert schema.names[:2] == ["seed", "departed"]
+    assert schema.names[:7] == ["index", "point", "seed", "hash", "error", "passed", "departed"]
 
 
 def test_the_flights_do_not_depend_on_the_workers(flown: Campaign) -> None:
@@ -86,9 +91,13 @@ def test_the_flights_do_not_depend_on_the_workers(flown: Campaign) -> None:
 
 
 def test_only_the_columns_that_histories_need_are_kept(flown: Campaign) -> None:
-    assert set(flown.flights[0].columns) == {
-        *campaigns.HISTORIES, "scheduled.effectiveness_smoothed", "expanding.effectiveness_smoothed",
-    }  # fmt: skip
+    assert flown.histories is not None
+    assert set(flown.histories.mean) == {
+        *HISTORIES,
+        "scheduled.effectiveness_smoothed",
+        "expanding.effectiveness_smoothed",
+    }
+    assert set(flown.histories.flying) == {RUNS}
 
 
 def test_the_worst_flight_flies_again_by_its_command(folder: Path) -> None:
@@ -153,33 +162,49 @@ def test_the_report_says_what_the_summary_says(folder: Path, flown: Campaign) ->
     assert "still flying" not in pictures["motion"].svg
 
 
-def _flight(
-    seed: int, ticks: int, *, departed: bool = False, pre: float | None = 1.0, post: float | None = 2.0
-) -> Flown:
-    metrics = Metrics(departed, (ticks - 1) / 100 if departed else None, pre, post, None, {})
-    return Flown(seed, metrics, {"q_deg_s": np.zeros(ticks)})
+def _row(index: int, flown_s: float, ended: str = "time", pre: float | None = 1.0, post: float | None = 2.0) -> Row:
+    gone = flown_s if ended == "departed" else None
+    return {
+        "index": index, "error": None, "ended": ended, "departed_at_s": gone, "flown_s": flown_s, "tracking_rms_pre_deg_s": pre,
+        "tracking_rms_post_deg_s": post,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    ("flights", "seed", "reason"),
+    ("rows", "index", "reason"),
     [
-        ([_flight(0, 300), _flight(1, 300, post=3.0)], 1, "largest RMS of q - q_ref from 0.3 s after the failure, 3 deg/s"),
-        ([_flight(0, 300, pre=9.0, post=None), _flight(1, 300, post=None)], 0, "largest RMS of q - q_ref over the whole flight, 9 deg/s"),
-        ([_flight(0, 300, post=9.0), _flight(1, 250)], 1, "hit the ground first, at 2.50 s"),
-        ([_flight(0, 90), _flight(1, 250, departed=True), _flight(2, 201, departed=True)], 2, "departed first, at 2.00 s"),
-        ([_flight(4, 300), _flight(5, 300)], 4, "largest RMS of q - q_ref from 0.3 s after the failure, 2 deg/s"),
+        ([_row(0, 3), _row(1, 3, post=3.0)], 1, "largest RMS of q - q_ref from 0.3 s after the failure, 3 deg/s"),
+        ([_row(0, 3, pre=9.0, post=None), _row(1, 3, post=None)], 0, "largest RMS of q - q_ref over the whole flight, 9 deg/s"),
+        ([_row(0, 3, post=9.0), _row(1, 2.5, "ground")], 1, "hit the ground first, at 2.50 s"),
+        ([_row(0, 0.9, "ground"), _row(1, 2.5, "departed"), _row(2, 2.0, "departed")], 2, "departed first, at 2.00 s"),
+        ([_row(4, 3), _row(5, 3)], 4, "largest RMS of q - q_ref from 0.3 s after the failure, 2 deg/s"),
+        ([{**_row(0, 1, "departed"), "error": "lost"}, _row(1, 3)], 1, "largest RMS of q - q_ref from 0.3 s after the failure, 2 deg/s"),
+        ([{**_row(0, 1), "error": "lost"}], -1, "every flight failed"),
     ],
 )  # fmt: skip
-def test_which_flight_is_the_worst(flights: list[Flown], seed: int, reason: str) -> None:
-    worst, why = campaigns._worst(flights, load_scenario("elevator-loss", SHORT))
-    assert (worst.seed, why) == (seed, reason)
+def test_which_flight_is_the_worst(rows: list[Row], index: int, reason: str) -> None:
+    assert campaigns.worst_of(rows) == (index, reason)
+
+
+@pytest.mark.parametrize(
+    ("criterion", "value", "expected"),
+    [
+        ({"equals": False}, False, True), ({"equals": False}, True, False), ({"equals": "time"}, "time", True),
+        ({"max": 3.0}, 3.0, True), ({"max": 3.0}, 3.1, False), ({"min": 1}, 0.9, False), ({"min": 1, "max": 2}, 1.5, True),
+        ({"max": 3.0}, None, False), ({"equals": False}, None, False),
+    ],
+)  # fmt: skip
+def test_what_passes(criterion: dict[str, Any], value: Any, expected: bool) -> None:
+    criteria = [Criterion.model_validate({"metric": "m", **criterion})]
+    assert passes({"m": value}, criteria) is expected
+    assert passes({"m": value}, []) is None
 
 
 def test_flights_that_depart_are_counted_and_the_first_is_the_worst() -> None:
     flown = campaigns.fly(load_scenario("elevator-loss-fixed", ["failures.0.at_s=2", "failures.0.to=0.1"]), 6)
     found = summary(flown)
     assert (found["departed"]["count"], found["departed"]["share"]) == (6, 1.0)
-    assert found["worst"]["metrics"]["departed_at_s"] == min(float(r["departed_at_s"]) for r in flown.rows)  # type: ignore[arg-type]
+    assert found["worst"]["metrics"]["departed_at_s"] == min(float(r["departed_at_s"] or 0.0) for r in flown.rows)
     document = campaign_report(flown)
     (motion,) = (p for p in document.pictures() if p.key == "motion")
     assert "still flying" in motion.svg
@@ -196,22 +221,6 @@ def test_where_nothing_fails_the_whole_flight_counts() -> None:
     assert "too few flights for an interval" in document.lead.text[0]
     assert flown.reason.startswith("largest RMS of q - q_ref over the whole flight")
     assert [p.key for p in document.pictures()] == ["tracking", "motion", "pitch-rate"]
-
-
-@pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-def test_a_folder_is_whole_or_not_at_all(
-    flown: Campaign, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: BaseException
-) -> None:
-    assert {p.name for p in folder.iterdir()} == CAMPAIGN_FILES
-
-    def fail(*_: object) -> None:
-        raise fault
-
-    monkeypatch.setattr("flightbed.campaign_table.write_table", fail)  # the last to be written
-    monkeypatch.setattr("flightbed.campaign_report.campaign_report", lambda _: Document("", [], {}))
-    with pytest.raises(OutputError if isinstance(fault, OSError) else KeyboardInterrupt):
-        write_campaign(flown, tmp_path / "x", replace=False)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_only_a_campaign_is_replaced_and_that_is_told_before_anything_flies(tmp_path: Path) -> None:

@@ -10,10 +10,13 @@ from typing import Any
 
 import pytest
 
+from flightbed import data
+from flightbed.campaign_file import load_programme
 from flightbed.extension import using
 from flightbed.mission import run
 from flightbed.pacing import WallClock
 from flightbed.scenario import load_scenario
+from flightbed.settings import CampaignSettings, known_keys
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -40,6 +43,25 @@ def test_every_scenario_key_is_in_the_table_and_no_other() -> None:
     rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     explained = {key for row in rows for key in re.findall(r"`([^`]+)`", row)}
     assert explained == _keys(tomllib.loads(scenario.to_toml())) | _keys(tomllib.loads(given.to_toml())) | options
+
+
+def test_the_campaign_file_of_the_document_loads_and_every_key_is_in_the_table(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "campaigns.md").read_text()
+    (example,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
+    (tmp_path / "my.toml").write_text(example)
+    assert len(load_programme(tmp_path / "my.toml")) == 3 * 5 * 20
+    rows = [
+        line.split("|")[1] for line in page.partition("## What a flight is")[0].splitlines() if line.startswith("| `")
+    ]
+    explained = {key for row in rows for key in re.findall(r"`([^`]+)`", row)} - set(data.names("campaign"))
+    inner = {"axes": known_keys(CampaignSettings, ("axes",)), "criteria": known_keys(CampaignSettings, ("criteria",))}
+    inner["traces"] = known_keys(CampaignSettings, ("traces",))
+    outer = set(known_keys(CampaignSettings, ())) - set(inner)
+    assert explained == outer | {f"{table}.{key}" for table, keys in inner.items() for key in keys}
+    shipped = dict(
+        re.findall(r"^\| `([a-z-]+)` \|.*\| (\d+) \|$", page.partition("## Campaign file")[0], flags=re.MULTILINE)
+    )
+    assert shipped == {name: str(len(load_programme(name))) for name in data.names("campaign")}
 
 
 def test_every_metric_is_explained() -> None:

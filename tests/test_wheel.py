@@ -32,6 +32,7 @@ def test_an_installed_wheel_flies_the_shipped_scenario(tmp_path: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert "flightbed/aircraft_data/f16/aircraft.toml" in names
     assert "flightbed/scenario_data/elevator-loss.toml" in names
+    assert "flightbed/scenario_data/campaigns/effectiveness-grid.toml" in names
     assert not any(name.startswith(("tests/", "runs/")) or name.endswith("f16.xml") for name in names)
     venv.create(tmp_path / "fresh", with_pip=True)
     python = tmp_path / "fresh" / "bin" / "python"

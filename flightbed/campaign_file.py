@@ -1,0 +1,170 @@
+"""A campaign file, or a plain scenario, -> Programme; every problem of it is told before anything flies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flightbed import data
+from flightbed.aircraft import load_path
+from flightbed.campaign_table import metric_columns
+from flightbed.consistency import idle_keys
+from flightbed.errors import InputError, ScenarioError, did_you_mean
+from flightbed.extension import named_by
+from flightbed.linear_aircraft import load_flyable
+from flightbed.plan import plan
+from flightbed.programme import Programme, Values, grid, with_values
+from flightbed.scenario import build, changed, frozen, problems, read_toml, shown, validated
+from flightbed.settings import CampaignSettings, Scenario, ValidationError
+
+RUNS = 100  # of a plain scenario
+_LAST_SEED = 2**63 - 1
+_MOST_POINTS = 100_000
+_CHECKED = 2_000  # points whose scenarios are built beforehand: about a second
+_FIXED = ("schema", "name", "description", "seed", "estimators", "failures", "aircraft", "aircraft.sha256")
+
+
+def load_programme(source: str | Path, overrides: Sequence[str] = (), runs: int | None = None) -> Programme:
+    """Read a campaign file or a scenario: a path or a shipped name.
+
+    Args:
+        source: the file or the name.
+        overrides: KEY=VALUE, of the (base) scenario.
+        runs: flights a point; None leaves it to the campaign file, and is 100 of a scenario.
+
+    Raises:
+        UnknownNameError, InputError when there is no such file; ScenarioError with every problem of it; AircraftError; of a scenario also
+        what ``plan`` raises.
+
+    """
+    path = data.find_flights(str(source))
+    raw = read_toml(path)
+    if "base" not in raw and "axes" not in raw:
+        return plain(build(raw, shown(path), overrides), RUNS if runs is None else runs)
+    place = shown(path)
+    if runs is not None:
+        raw["runs"] = _at_least_one(runs)
+    try:
+        settings = CampaignSettings.model_validate(frozen(raw))
+    except ValidationError as error:
+        raise ScenarioError(problems(error, place, model=CampaignSettings)) from None
+    base = path.parent / Path(settings.base).expanduser()
+    if not base.is_file():
+        base = data.find("scenario", settings.base)
+    base_raw, scenario = changed(read_toml(base), shown(base), overrides)
+    return _programme(settings, base_raw, scenario, place, [text.partition("=")[0] for text in overrides])
+
+
+def plain(scenario: Scenario, runs: int) -> Programme:
+    """Return ``runs`` flights of a scenario with successive seeds, its own first.
+
+    Raises:
+        InputError: runs < 1, or seeds beyond the largest; and what ``plan`` raises.
+
+    """
+    _at_least_one(runs)
+    if scenario.seed > _LAST_SEED - runs + 1:
+        raise InputError(f"seed: must be at most {_LAST_SEED - runs + 1} with {runs} flights (got {scenario.seed})")
+    scenario = plan(scenario).scenario  # complete; and what cannot be flown is told before workers start
+    raw = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
+    return Programme(
+        scenario, raw, runs, extensions=named_by(scenario), aircraft=(scenario.aircraft.sha256,)
+    )  # fmt: skip
+
+
+def _at_least_one(runs: int) -> int:
+    if runs < 1:
+        raise InputError(f"--runs: must be at least 1 (got {runs})")
+    return runs
+
+
+def _programme(
+    settings: CampaignSettings, raw: Mapping[str, Any], scenario: Scenario, place: str, overridden: Sequence[str]
+) -> Programme:
+    found = [*_axis_problems(settings, place, overridden), *_criteria_problems(settings, scenario, place)]
+    lengths = 1
+    for axis in settings.axes if settings.combine == "crossed" else settings.axes[:1]:
+        lengths *= len(axis.values) if axis.values is not None else axis.count or 1
+    if lengths > _MOST_POINTS:
+        found.append(f"{place}: axes: must have at most {_MOST_POINTS} points (got {lengths})")
+    if found:
+        raise ScenarioError(found)
+    points = grid(settings)
+    total = settings.runs * len(points)
+    if unknown := [i for i in settings.traces.indices if i >= total]:
+        found.append(f"{place}: traces.indices: must be below {total}, the number of flights (got {unknown[0]})")
+    models = [axis.values or () for axis in settings.axes if axis.key == "aircraft.model"]
+    raw, fingerprints = _bound(raw, scenario, [str(v) for values in models for v in values])
+    found += _point_problems(settings, raw, points, place)
+    if found:
+        raise ScenarioError(found)
+    complete = validated(raw, place, {})
+    return Programme(complete, raw, settings.runs, points, settings, named_by(complete), fingerprints)
+
+
+def _bound(
+    raw: Mapping[str, Any], scenario: Scenario, models: Sequence[str]
+) -> tuple[Mapping[str, Any], tuple[str, ...]]:
+    """Return the base bound to its aircraft, unless it is varied, and the fingerprints of all that fly. Raises AircraftError."""
+    if models:
+        return raw, tuple(load_flyable(model).sha256 for model in models)
+    aircraft = load_flyable(scenario.aircraft.model)
+    pinned = {"model": load_path(scenario.aircraft.model), "sha256": scenario.aircraft.sha256 or aircraft.sha256}
+    return {**raw, "aircraft": {**raw.get("aircraft", {}), **pinned}}, (aircraft.sha256,)
+
+
+def _axis_problems(settings: CampaignSettings, place: str, overridden: Sequence[str]) -> list[str]:
+    found = []
+    for i, axis in enumerate(settings.axes):
+        last = axis.key.rpartition(".")[2]
+        if axis.key in _FIXED or (axis.key.startswith("estimators.") and last == "name"):
+            found.append(
+                f"{place}: axes.{i}.key: '{axis.key}' cannot be varied; name a single number or word of a flight"
+            )
+        found += [
+            f"--set {key}: is varied by the campaign, see axes.{i} in {place}"
+            for key in overridden
+            if key == axis.key or key.startswith(f"{axis.key}.") or axis.key.startswith(f"{key}.")
+        ]
+    return found
+
+
+def _criteria_problems(settings: CampaignSettings, scenario: Scenario, place: str) -> list[str]:
+    known = metric_columns(scenario)
+    return [
+        f"{place}: criteria.{i}.metric: there is no metric '{c.metric}'{did_you_mean(c.metric, known)}; docs/campaigns.md lists them"
+        for i, c in enumerate(settings.criteria)
+        if c.metric not in known
+    ]
+
+
+def _point_problems(
+    settings: CampaignSettings, raw: Mapping[str, Any], points: Sequence[Values], place: str
+) -> list[str]:
+    """Return what is wrong with the scenarios of the points, and with the ends of what is drawn; each problem once."""
+    origins = {axis.key: f"{place}: axes.{i}" for i, axis in enumerate(settings.axes)}
+    ends: list[Values] = [
+        {**points[0], axis.key: float(end)}
+        for axis in settings.axes
+        if axis.is_drawn
+        for end in (axis.low, axis.high, axis.mean)
+        if end is not None
+    ]
+    found: dict[str, None] = {}
+    idle: dict[str, str] = {}
+    effective: set[str] = set()
+    checked = [*points[:_CHECKED], *ends]
+    for values in checked:
+        try:
+            for key, value in values.items():
+                with_values(raw, {key: value}, origins[key])
+            scenario = validated(with_values(raw, values, place), place, origins)
+        except ScenarioError as error:
+            found.update(dict.fromkeys(error.problems))
+            continue
+        without = idle_keys(scenario)
+        idle.update({key: without[key] for key in values if key in without})
+        effective.update(key for key in values if key not in without)
+    useless = [f"{origins[k]}.key: {k} has no effect with {why}" for k, why in idle.items() if k not in effective]
+    return [*found, *([] if found else useless)]

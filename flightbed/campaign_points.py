@@ -1,0 +1,174 @@
+"""What a report says of the points of a campaign: what is varied, a table with a row a point, and heat maps of two crossed axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed import drawing
+from flightbed.campaign import Campaign, departed, passed
+from flightbed.campaign_folder import by_point
+from flightbed.campaign_table import Quantity, Row, quantity
+from flightbed.consistency import detectors
+from flightbed.document import Cell, Picture, Section, Table, show
+from flightbed.programme import values_of
+from flightbed.settings import AxisSettings, Criterion
+from flightbed.statistics import Interval
+
+_MOST = 200  # points that the table of the page tells; all are in summary.json
+_LABELLED = 150  # cells of a heat map in which a number can still be read
+
+
+def points_section(campaign: Campaign) -> list[Section]:
+    """Return the section on the points; none of a campaign that has one and varies nothing."""
+    if not campaign.programme.axes:
+        return []
+    rows: list[list[Cell]] = [[axis.key, axis_words(axis)] for axis in campaign.programme.axes]
+    items: list[Table | Picture] = [Table("axes", "What is varied", ("key", "values"), rows)]
+    if len(campaign.programme.points) > 1:
+        items += [*_maps(campaign), _points(campaign)]
+    return [Section("Over the points", (), items)]
+
+
+def axis_words(axis: AxisSettings) -> str:
+    """Return the values of an axis in words."""
+    if axis.distribution == "uniform":
+        return f"drawn for every flight, uniformly from {axis.low:g} to {axis.high:g}"
+    if axis.distribution == "normal":
+        ends = [
+            f"{word} {end:g}" for word, end in (("not below", axis.low), ("not above", axis.high)) if end is not None
+        ]
+        return f"drawn for every flight, normal, mean {axis.mean:g}, standard deviation {axis.std:g}{', ' if ends else ''}{', '.join(ends)}"
+    values = values_of(axis)
+    told = (
+        ", ".join(map(value_words, values))
+        if len(values) <= 12
+        else f"{value_words(values[0])} to {value_words(values[-1])}"
+    )
+    return f"{told} ({len(values)})"
+
+
+def value_words(value: Any) -> str:
+    """Return a value of an axis as a table or figure shows it."""
+    return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def criteria_words(criteria: Sequence[Criterion]) -> str:
+    """Return in words what a flight has to keep to pass."""
+    told = []
+    for c in criteria:
+        if c.equals is not None:
+            told.append(f"{c.metric} = {value_words(c.equals)}")
+        else:
+            ends = [("at least", c.min), ("at most", c.max)]
+            told.append(f"{c.metric} {' and '.join(f'{word} {end:g}' for word, end in ends if end is not None)}")
+    return "; ".join(told)
+
+
+def _points(campaign: Campaign) -> Table:
+    keys = [axis.key for axis in campaign.programme.axes if not axis.is_drawn]
+    judged, failed = campaign.passed is not None, bool(campaign.failed)
+    tracked = _tracked(campaign)
+    estimates = [(name, column) for name in campaign.estimators if (column := _estimate(campaign, name))]
+    columns = [
+        "point", *keys, "flights", *(["failed"] if failed else []), "departed, %", *(["passed, %"] if judged else []),
+        "RMS of q - q_ref, deg/s", *(f"{name}: {_short(column)}" for name, column in estimates),
+    ]  # fmt: skip
+    rows: list[list[Cell]] = []
+    for number, (values, there) in enumerate(by_point(campaign)[:_MOST]):
+        flown = [row for row in there if row["error"] is None]
+        cells: list[Cell] = [number, *(value_words(values[key]) for key in keys), len(there)]
+        cells += [len(there) - len(flown)] if failed else []
+        cells += [_percent(departed(there)), *([_percent(passed(there))] if judged else [])]
+        cells += [_median(campaign, flown, column) for column in (tracked, *(column for _, column in estimates))]
+        rows.append(cells)
+    note = "Shares with exact 95 % intervals. Medians over the flights, where there are 6 or more with intervals that hold them with 95 %."
+    if len(campaign.programme.points) > _MOST:
+        note += f" The first {_MOST} of {len(campaign.programme.points)} points; summary.json has all."
+    return Table("points", "Points", columns, rows, dict.fromkeys(columns, ".3g"), note)
+
+
+def _tracked(campaign: Campaign) -> str:
+    known = any(row["tracking_rms_post_deg_s"] is not None for row in campaign.flown)
+    return "tracking_rms_post_deg_s" if known else "tracking_rms_pre_deg_s"
+
+
+def _estimate(campaign: Campaign, name: str) -> str | None:
+    """Return the column that says most of an estimator: its error after the failure, or, where nothing fails, its false alarms."""
+    for metric in ("median_abs_error_post", "false_alarms"):
+        if any(row[f"{name}.{metric}"] is not None for row in campaign.flown):
+            return f"{name}.{metric}"
+    return None
+
+
+def _short(column: str) -> str:
+    return "|K-hat - K|" if column.endswith("median_abs_error_post") else "false alarms"
+
+
+def _median(campaign: Campaign, rows: Sequence[Row], column: str) -> Cell:
+    found: Quantity = quantity(rows, column, tests=detectors(campaign.scenario))
+    if not found.known:
+        return None
+    middle = found.median
+    return middle if isfinite(middle.low) and isfinite(middle.high) else middle.estimate
+
+
+def _percent(interval: Interval | None) -> Cell:
+    if interval is None:
+        return None
+    return Interval(100 * interval.estimate, 100 * interval.low, 100 * interval.high, interval.runs)
+
+
+def _maps(campaign: Campaign) -> list[Picture]:
+    """Draw, over two crossed axes, the share that passed (departed, without criteria) and the median tracking."""
+    settings = campaign.programme.settings
+    axes = [axis for axis in campaign.programme.axes if not axis.is_drawn]
+    if settings is None or settings.combine != "crossed" or len(axes) != 2:
+        return []
+    judged, tracked = campaign.passed is not None, _tracked(campaign)
+    shares, medians = [], []
+    for _, there in by_point(campaign):
+        share = passed(there) if judged else departed(there)
+        shares.append(np.nan if share is None else 100.0 * share.estimate)
+        values = [float(row[tracked] or 0.0) for row in there if row[tracked] is not None]
+        medians.append(float(np.median(values)) if values else np.nan)
+    what = "passed" if judged else "departed"
+    explained = (
+        f"Passed: {criteria_words(settings.criteria)}." if judged else "Departed: alpha more than 25 deg from trim."
+    )
+    return [
+        _map("share", f"Share that {what}", f"{what}, % of flights", axes, shares, explained, limits=(0.0, 100.0)),
+        _map("map-tracking", "Tracking", "median RMS of q - q_ref, deg/s", axes, medians, f"Median of {tracked} of a point's flights."),
+    ]  # fmt: skip
+
+
+def _map(
+    key: str, title: str, label: str, axes: Sequence[AxisSettings], values: Sequence[float], text: str,
+    limits: tuple[float, float] | None = None,
+) -> Picture:  # fmt: skip
+    down, across = (values_of(axis) for axis in axes)
+    table: npt.NDArray[np.float64] = np.array(values).reshape(len(down), len(across))
+    finite = table[np.isfinite(table)]
+    low, high = limits or ((float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0))
+    with drawing.canvas(height=max(2.2, min(7.0, 0.32 * len(down) + 1.0))) as ((axis,), svg):
+        mesh = axis.pcolormesh(np.ma.masked_invalid(table), cmap="cividis", vmin=low, vmax=high or 1.0)
+        axis.grid(visible=False)
+        for set_ticks, shown in ((axis.set_xticks, across), (axis.set_yticks, down)):
+            every = -(-len(shown) // 25)
+            set_ticks(np.arange(0, len(shown), every) + 0.5, [value_words(v) for v in shown[::every]])
+        axis.set_xlabel(axes[1].key)
+        axis.set_ylabel(axes[0].key)
+        if table.size <= _LABELLED:
+            for (i, j), value in np.ndenumerate(table):
+                dark = np.isfinite(value) and (value - low) < 0.55 * (high - low)
+                axis.text(
+                    j + 0.5, i + 0.5, show(float(value), ".3g"), ha="center", va="center", fontsize=7,
+                    color="white" if dark else "black",
+                )  # fmt: skip
+        axis.figure.colorbar(mesh, ax=axis, label=label)
+        words = f"From {finite.min():.3g} to {finite.max():.3g}." if finite.size else "No flight has it."
+        return Picture(key, title, drawing.distinct(svg(), key), text, words)

@@ -1,0 +1,192 @@
+"""What a campaign flies: a base scenario, the points of its axes, so many flights at each; every flight by its index."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import shlex
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib.metadata import version
+from itertools import product
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from flightbed.consistency import idle_keys
+from flightbed.extension import Extension
+from flightbed.override import replaced, setting
+from flightbed.scenario import validated
+from flightbed.settings import AxisSettings, CampaignSettings, Scenario
+
+Values = Mapping[str, Any]  # key of the scenario -> value
+
+_SEED_BITS = 53  # a seed is a number that every reader of JSON keeps exactly
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One flight of a programme.
+
+    Attributes:
+        index: its number, from 0.
+        point: the number of its point.
+        seed: of everything random in it.
+        values: key of the scenario -> what it is in this flight: of the point's axes, and drawn.
+
+    """
+
+    index: int
+    point: int
+    seed: int
+    values: Values
+
+
+@dataclass(frozen=True)
+class Programme:
+    """All flights of a campaign; flight ``index`` is the same whoever flies it, and whatever else is flown.
+
+    Attributes:
+        scenario: the base, complete.
+        raw: the base as its file has it, but bound to its aircraft; flights replace keys in it.
+        runs: flights a point.
+        points: values of the axes that are not drawn, in order; one without axes is {}.
+        settings: the campaign file; None of a plain scenario, whose flights have its own seed and those after it.
+        extensions: code outside flightbed that flies.
+        aircraft: fingerprints of the aircraft that fly.
+
+    """
+
+    scenario: Scenario
+    raw: Mapping[str, Any]
+    runs: int
+    points: Sequence[Values] = (MappingProxyType({}),)
+    settings: CampaignSettings | None = None
+    extensions: tuple[Extension, ...] = ()
+    aircraft: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Return the number of flights."""
+        return self.runs * len(self.points)
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.scenario.name if self.settings is None else self.settings.name
+
+    @property
+    def description(self) -> str:
+        """Its description."""
+        return self.scenario.description if self.settings is None else self.settings.description
+
+    @property
+    def axes(self) -> tuple[AxisSettings, ...]:
+        """What is varied."""
+        return () if self.settings is None else self.settings.axes
+
+    def flight(self, index: int) -> Flight:
+        """Return a flight by its number."""
+        point = index // self.runs
+        if self.settings is None:
+            return Flight(index, point, self.scenario.seed + index, {})
+        state = np.random.SeedSequence(self.settings.seed, spawn_key=(index,)).generate_state(1, np.uint64)
+        drawn = {a.key: draw(a, self.settings.seed, index) for a in self.axes if a.is_drawn}
+        values = {**self.points[point], **drawn}
+        return Flight(index, point, int(state[0]) >> (64 - _SEED_BITS), {a.key: values[a.key] for a in self.axes})
+
+    def overrides(self, flight: Flight) -> str:
+        """Return the options of ``flightbed run`` that make the base scenario this flight; values without effect are left out."""
+        idle = idle_keys(scenario_of(self.raw, flight))
+        texts = [setting(key, value) for key, value in flight.values.items() if key not in idle]
+        return "".join(f" --set {shlex.quote(text)}" for text in (*texts, f"seed={flight.seed}"))
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of all that decides the table: scenario, axes, criteria, runs, seed, aircraft, versions, code outside flightbed."""
+        return _sha256(
+            {
+                "scenario": self.raw,
+                "campaign": None if self.settings is None else self.settings.to_dict(),
+                "runs": self.runs,
+                "aircraft": self.aircraft,
+                "versions": versions(),
+                "extensions": {e.name: e.sha256 for e in self.extensions},
+            }
+        )
+
+
+def scenario_of(raw: Mapping[str, Any], flight: Flight) -> Scenario:
+    """Return the scenario of a flight. Raises ScenarioError."""
+    values, place = {**flight.values, "seed": flight.seed}, f"flight {flight.index}"
+    return validated(with_values(raw, values, place), place, {})
+
+
+def with_values(raw: Mapping[str, Any], values: Values, place: str) -> Mapping[str, Any]:
+    """Return nested values with some replaced. Raises ScenarioError, with the place, where a key reaches into nothing."""
+    for key, value in values.items():
+        raw = replaced(raw, key.split("."), value, f"{place}: {key}")
+    return raw
+
+
+def flight_hash(scenario: Scenario, extensions: Sequence[Extension]) -> str:
+    """Return the SHA-256 of what decides a flight: its complete scenario, aircraft and seed included, versions, code of others.
+
+    Names and descriptions decide nothing, nor does where the aircraft lies: its own fingerprint stands for it.
+    """
+    decides = scenario.model_dump(
+        mode="json", by_alias=True, exclude={"name": True, "description": True, "aircraft": {"model"}}
+    )
+    return _sha256(
+        {"scenario": decides, "versions": versions(), "extensions": {e.name: e.sha256 for e in extensions}}
+    )  # fmt: skip
+
+
+@cache
+def versions() -> Mapping[str, str]:
+    """Return what, besides the scenario, decides the last bits of a flight: package -> version."""
+    packages = {p: version(p) for p in ("flightbed", "jsbsim", "numpy", "scipy", "numba")}
+    return MappingProxyType({**packages, "python": platform.python_version()})
+
+
+def _sha256(values: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(values, sort_keys=True, default=dict).encode()).hexdigest()
+
+
+def grid(settings: CampaignSettings) -> list[Values]:
+    """Return the points: every combination of the values of the axes, the last axis fastest; paired, the n-th of each."""
+    axes = {axis.key: values_of(axis) for axis in settings.axes if not axis.is_drawn}
+    if not axes:
+        return [{}]
+    combined = product(*axes.values()) if settings.combine == "crossed" else zip(*axes.values(), strict=True)
+    return [dict(zip(axes, values, strict=True)) for values in combined]
+
+
+def values_of(axis: AxisSettings) -> Sequence[Any]:
+    """Return the values of an axis that is not drawn; a range between whole numbers that hits only such is of whole numbers."""
+    if axis.values is not None:
+        return axis.values
+    assert axis.start is not None
+    assert axis.to is not None
+    assert axis.count is not None
+    values = [round(v, 12) for v in np.linspace(axis.start, axis.to, axis.count).tolist()]
+    whole = isinstance(axis.start, int) and isinstance(axis.to, int) and all(v.is_integer() for v in values)
+    return [int(v) for v in values] if whole else values
+
+
+def draw(axis: AxisSettings, seed: int, index: int) -> float:
+    """Return what a flight draws for an axis; it depends on campaign seed, index and key alone, not on other axes."""
+    from scipy.special import ndtr, ndtri  # slow to import
+
+    source = np.random.SeedSequence(seed, spawn_key=(index, zlib.crc32(axis.key.encode())))
+    u = float(np.random.Generator(np.random.PCG64(source)).random())
+    low = -np.inf if axis.low is None else float(axis.low)
+    high = np.inf if axis.high is None else float(axis.high)
+    if axis.distribution == "uniform":
+        return low + (high - low) * u
+    mean, std = float(axis.mean or 0.0), float(axis.std or 0.0)
+    below, above = float(ndtr((low - mean) / std)), float(ndtr((high - mean) / std))
+    return float(min(max(mean + std * ndtri(below + (above - below) * u), low), high))

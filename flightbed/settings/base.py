@@ -1,0 +1,107 @@
+"""What the tables of scenarios and campaigns are made of: frozen, strict, with values that say what they may be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, get_args
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetPydanticSchema,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+)  # fmt: skip
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from flightbed import registry
+from flightbed.errors import did_you_mean
+from flightbed.options import Options, is_option
+
+
+def between(low: float, high: float, *, open_low: bool = False) -> AfterValidator:
+    """Take a number between two, both included, or the lower one left out."""
+    text = f"must be above {low} and at most {high}" if open_low else f"must be between {low} and {high}"
+
+    def check(value: float) -> float:
+        if not (low < value if open_low else low <= value) or value > high:
+            raise PydanticCustomError("range", "{text}", {"text": text})
+        return value
+
+    return AfterValidator(check)
+
+
+def registered(family: str) -> AfterValidator:
+    """Take a name of a family of the registry."""
+
+    def check(value: str) -> str:
+        known = registry.names(family)
+        if value not in known:
+            if problem := registry.outside(value):
+                raise PydanticCustomError("outside", "{problem}", {"problem": problem})
+            what, near = family.removesuffix("s"), did_you_mean(value, known)
+            raise PydanticCustomError(
+                "registered",
+                "unknown {what}{near}; known: {known}",
+                {"what": what, "near": near, "known": ", ".join(known)},
+            )
+        return value
+
+    return AfterValidator(check)
+
+
+def _option(value: Any) -> Any:
+    if not is_option(value):
+        text = "must be text, a finite number, true or false, or a list of these"
+        raise PydanticCustomError("option", "{text}", {"text": text})
+    return value
+
+
+def _options(_kind: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    table = handler.generate_schema(dict[str, OptionValue])
+    plain = core_schema.no_info_before_validator_function(lambda v: dict(v) if isinstance(v, Options) else v, table)
+    written = core_schema.plain_serializer_function_ser_schema(dict)
+    return core_schema.no_info_after_validator_function(Options, plain, serialization=written)
+
+
+Positive = Annotated[float, between(0, 1000000, open_low=True)]
+NonNegative = Annotated[float, between(0, 1000000)]
+Share = Annotated[float, between(0, 1)]
+OptionValue = Annotated[Any, AfterValidator(_option)]
+OwnOptions = Annotated[Options, GetPydanticSchema(_options)]
+Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
+
+
+class Settings(BaseModel):
+    """A table: frozen, strict, no unknown keys, no infinite numbers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
+
+
+class OwnSettings(Settings):
+    """A table that names code, which may be the user's own and then has options of its own."""
+
+    options: OwnOptions = Options()
+
+    @model_serializer(mode="wrap")
+    def _without_empty_options(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        written: dict[str, Any] = write(self)
+        return {key: value for key, value in written.items() if key != "options" or value}
+
+
+def known_keys(model: Any, loc: Sequence[int | str]) -> list[str]:
+    """Return the keys of the table at a place in a scenario or campaign, of which ``model`` is the class."""
+    for part in loc:
+        if isinstance(part, int):
+            continue
+        field = next(f for n, f in model.model_fields.items() if part in (n, f.alias))
+        inner = [
+            a
+            for a in (field.annotation, *get_args(field.annotation))
+            if isinstance(a, type) and issubclass(a, BaseModel)
+        ]
+        model = inner[0]
+    return [f.alias or n for n, f in model.model_fields.items()]

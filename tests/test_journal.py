@@ -1,0 +1,431 @@
+"""The folder of a campaign: kills, full disks, interrupts and errors lose nothing but what was in the air; the rest is flown to the same table."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from flightbed import campaign as campaigns
+from flightbed import campaign_flights
+from flightbed.campaign_file import load_programme, plain
+from flightbed.campaign_flights import Chunk, Flown, chunk_of, fly_chunk
+from flightbed.engine import Engine
+from flightbed.errors import InputError, OutputError
+from flightbed.folder import CAMPAIGN_FILES
+from flightbed.journal import Histories, Journal, journal
+from flightbed.mission import run as fly_one
+from flightbed.moments import Moments
+from flightbed.programme import Programme
+from flightbed.scenario import load_scenario
+from tests.command_line import COMMAND, flightbed, heed_interrupts
+
+SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]
+RUNS = 34  # four chunks, the last not whole
+
+GRID = """
+schema = 1
+name = "grid"
+base = "elevator-loss"
+runs = 6
+seed = 3
+[[axes]]
+key = "condition.mach"
+values = [0.8, 0.1]
+[[criteria]]
+metric = "departed"
+equals = false
+[traces]
+keep = "chosen"
+indices = [2, 8]
+"""
+
+
+@pytest.fixture(scope="module")
+def programme() -> Programme:
+    return plain(load_scenario("elevator-loss", SHORT), RUNS)
+
+
+@pytest.fixture(scope="module")
+def whole(programme: Programme, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a campaign that nothing has disturbed."""
+    return campaigns.run(programme, tmp_path_factory.mktemp("whole") / "x", workers=1)[1]
+
+
+def _assert_the_same(folder: Path, whole: Path) -> None:
+    assert {p.name for p in folder.iterdir()} == {p.name for p in whole.iterdir()}
+    assert (folder / "table.parquet").read_bytes() == (whole / "table.parquet").read_bytes()
+    ours, theirs = (json.loads((f / "summary.json").read_text()) for f in (folder, whole))
+    assert {**ours, "wall_time_s": 0} == {**theirs, "wall_time_s": 0}
+    pages = [(f / "report.html").read_text().partition("How it was made</h2>")[0] for f in (folder, whole)]
+    assert pages[0] == pages[1]  # with the histories
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Numbers of the chunks that were flown."""
+    numbers: list[int] = []
+
+    def flying(chunk: Chunk) -> Flown:
+        numbers.append(chunk.number)
+        return fly_chunk(chunk)
+
+    monkeypatch.setattr(campaigns, "fly_chunk", flying)
+    return numbers
+
+
+def _stop_after(chunks: int) -> Callable[[int, int], None]:
+    def tell(done: int, _total: int) -> None:
+        if done >= 10 * chunks:
+            raise KeyboardInterrupt
+
+    return tell
+
+
+def test_a_finished_folder_holds_what_it_should(whole: Path, programme: Programme) -> None:
+    assert {p.name for p in whole.iterdir()} == CAMPAIGN_FILES - {"campaign.toml", "traces"}
+    table = pq.read_table(whole / "table.parquet").to_pylist()
+    assert [row["index"] for row in table] == list(range(RUNS))
+    assert len({row["hash"] for row in table}) == RUNS
+
+
+def test_an_interrupt_leaves_a_usable_table_and_says_how_to_go_on(
+    programme: Programme, whole: Path, tmp_path: Path, counted: list[int]
+) -> None:
+    out = tmp_path / "x"
+    with pytest.raises(KeyboardInterrupt) as caught:
+        campaigns.run(programme, out, workers=1, progress=_stop_after(2))
+    assert str(caught.value) == (
+        f"interrupted after 20 of {RUNS} flights, which are in {out}/table.parquet; the same command with --out {out} --resume goes on"
+    )
+    assert {p.name for p in out.iterdir()} == {"unfinished", "table.parquet"}
+    assert pq.read_table(out / "table.parquet").equals(pq.read_table(whole / "table.parquet").slice(0, 20))
+    with pytest.raises(InputError, match="holds an unfinished campaign; go on with it, --resume"):
+        campaigns.run(programme, out)
+    counted.clear()
+    campaigns.run(programme, out, workers=1, resume=True)
+    assert counted == [2, 3]
+    _assert_the_same(out, whole)
+    counted.clear()
+    assert campaigns.run(programme, out, resume=True) == (None, out)
+    assert counted == []
+
+
+def test_what_keeps_nothing_leaves_an_earlier_campaign_as_it_was(
+    programme: Programme, whole: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "x"
+    other = plain(load_scenario("elevator-loss", [*SHORT, "failures.0.to=0.3"]), RUNS)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        campaigns.run(other, out, workers=1, progress=_stop_after(0))
+    assert (str(caught.value), list(tmp_path.iterdir())) == ("", [])
+    shutil.copytree(whole, out)
+    with pytest.raises(KeyboardInterrupt):
+        campaigns.run(other, out, workers=1, progress=_stop_after(0))
+    _assert_the_same(out, whole)
+    with pytest.raises(KeyboardInterrupt):
+        campaigns.run(other, out, workers=1, progress=_stop_after(1))
+    assert {p.name for p in out.iterdir()} == {"unfinished", "table.parquet"}
+
+
+def test_a_torn_line_is_flown_again_and_nothing_else(
+    programme: Programme, whole: Path, tmp_path: Path, counted: list[int]
+) -> None:
+    out = tmp_path / "x"
+    with pytest.raises(KeyboardInterrupt):
+        campaigns.run(programme, out, workers=1, progress=_stop_after(3))
+    rows = out / "unfinished" / "rows.jsonl"
+    rows.write_bytes(rows.read_bytes()[:-40])  # as a kill or a full disk leaves it
+    (out / "unfinished" / "table.parquet.tmp").write_bytes(b"PAR1")
+    counted.clear()
+    campaigns.run(programme, out, workers=1, resume=True)
+    assert counted == [2, 3]
+    _assert_the_same(out, whole)
+
+
+class _Backwards(Executor):
+    """Does everything at once, and gives the results in the reverse order."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def _backwards(monkeypatch: pytest.MonkeyPatch) -> Engine:
+    def last(futures: dict[Future[Any], int], **_: Any) -> Any:
+        found = max(futures, key=lambda f: futures[f])
+        return type("Done", (), {"done": [found]})
+
+    monkeypatch.setattr("flightbed.engine.wait", last)
+    return lambda: nullcontext(_Backwards())
+
+
+def test_the_order_in_which_chunks_come_back_shows_nowhere(
+    programme: Programme, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counted: list[int]
+) -> None:
+    engine = _backwards(monkeypatch)
+    monkeypatch.setattr(campaigns, "engine", lambda *_: engine)
+    out = tmp_path / "x"
+    with pytest.raises(KeyboardInterrupt):
+        campaigns.run(programme, out, progress=_stop_after(1))
+    early = {p.name for p in (out / "unfinished").glob("histories*")}
+    assert early == {"histories-2.npz", "histories-3.npz"}  # they wait for the first two, on disk
+    counted.clear()
+    campaigns.run(programme, out, resume=True)
+    assert sorted(counted) == [0, 1]
+    _assert_the_same(out, whole)
+
+
+def test_histories_that_were_merged_before_their_rows_were_kept_count_once(
+    programme: Programme, whole: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "x"
+    with journal(out, programme, replace=True, resume=False) as book:
+        assert isinstance(book, Journal)
+        assert book.histories is not None
+        book.histories.add(0, fly_chunk(chunk_of(programme, 0)).moments)  # killed here
+    campaigns.run(programme, out, workers=1, resume=True)
+    _assert_the_same(out, whole)
+
+
+@pytest.mark.parametrize("at", [2, 4])
+def test_a_full_disk_is_one_clear_line_and_loses_nothing(
+    programme: Programme, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at: int
+) -> None:
+    """It fills up when the second chunk is kept, or the last."""
+    out, calls = tmp_path / "x", list[int]()
+
+    def full(number: int) -> None:
+        calls.append(number)
+        if len(calls) >= at:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("flightbed.journal.os.fsync", full)
+    with pytest.raises(InputError) as caught:
+        campaigns.run(programme, out, workers=1)
+    assert str(caught.value) == (
+        f"--out {out}: cannot be written: No space left on device; {10 * (at - 1)} of {RUNS} flights are kept; "
+        f"the same command with --out {out} --resume goes on"
+    )
+    monkeypatch.undo()
+    campaigns.run(programme, out, workers=1, resume=True)
+    _assert_the_same(out, whole)
+
+
+def test_a_disk_that_is_full_at_the_end_leaves_an_unfinished_campaign_without_a_summary(
+    programme: Programme, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counted: list[int]
+) -> None:
+    out = tmp_path / "x"
+
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("flightbed.campaign_folder.write_table", full)
+    with pytest.raises(InputError, match=rf"No space left on device; {RUNS} of {RUNS} flights are kept"):
+        campaigns.run(programme, out, workers=1)
+    assert (out / "unfinished").is_dir()
+    assert not (out / "summary.json").exists()
+    monkeypatch.undo()
+    counted.clear()
+    campaigns.run(programme, out, workers=1, resume=True)
+    assert counted == []
+    _assert_the_same(out, whole)
+
+
+def test_the_folder_of_another_campaign_is_refused(programme: Programme, whole: Path, tmp_path: Path) -> None:
+    other = plain(load_scenario("elevator-loss", [*SHORT, "failures.0.to=0.3"]), RUNS)
+    longer = plain(load_scenario("elevator-loss", SHORT), RUNS + 1)
+    for wanted, told in (
+        (
+            other,
+            f"is that of 'elevator-loss' with {RUNS} flights, of another file, aircraft or version, not of this campaign",
+        ),
+        (
+            longer,
+            f"is that of 'elevator-loss' with {RUNS} flights, not of this campaign ('elevator-loss', {RUNS + 1} flights)",
+        ),
+    ):
+        with pytest.raises(InputError) as caught:
+            campaigns.run(wanted, whole, resume=True)
+        assert told in str(caught.value)
+    with (
+        journal(tmp_path / "x", programme, replace=True, resume=False),
+        pytest.raises(OutputError, match="another process is flying this campaign"),
+    ):
+        campaigns.run(programme, tmp_path / "x", resume=True)
+    with pytest.raises(InputError, match="is that of 'elevator-loss'"):
+        campaigns.run(other, tmp_path / "x", resume=True)
+
+
+def test_without_a_folder_it_is_the_first_free_one_and_resume_finds_its_own(
+    programme: Programme, tmp_path: Path
+) -> None:
+    other = plain(load_scenario("elevator-loss", [*SHORT, "failures.0.to=0.3"]), 10)
+    places = [campaigns.run(p, tmp_path / "x", workers=1, replace=False)[1].name for p in (other, programme)]
+    assert places == ["x", "x-2"]
+    with pytest.raises(KeyboardInterrupt):
+        campaigns.run(programme, tmp_path / "x", workers=1, replace=False, progress=_stop_after(1))
+    resumed, place = campaigns.run(programme, tmp_path / "x", workers=1, replace=False, resume=True)
+    assert (resumed is not None, place.name) == (True, "x-3")
+    assert campaigns.run(other, tmp_path / "x", replace=False, resume=True) == (None, tmp_path / "x")
+
+
+def test_flights_that_raise_are_rows_and_traces_that_are_chosen_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "grid.toml").write_text(GRID)
+    grid = load_programme(tmp_path / "grid.toml", SHORT)
+    fly_plan = campaign_flights.fly_plan
+
+    def fails(plan: Any) -> Any:
+        if plan.scenario.seed == grid.flight(3).seed:
+            raise ZeroDivisionError("lost a\nwing")
+        return fly_plan(plan)
+
+    monkeypatch.setattr(campaign_flights, "fly_plan", fails)
+    flown, out = campaigns.run(grid, tmp_path / "x", workers=1)
+    assert flown is not None
+    table = pq.read_table(out / "table.parquet").to_pylist()
+    assert [row["error"] is not None for row in table] == [False] * 3 + [True] + [False] * 2 + [True] * 6
+    assert table[3]["error"].startswith("test_journal.py:")
+    assert table[3]["error"].endswith(": ZeroDivisionError: lost a wing")
+    assert table[7]["error"].startswith("no trim at Mach 0.10")
+    assert [row["passed"] for row in table] == [row["error"] is None for row in table]
+    assert [row["condition.mach"] for row in table] == [0.8] * 6 + [0.1] * 6
+    assert table[7]["departed"] is table[7]["scheduled.final"] is None
+    found = json.loads((out / "summary.json").read_text())
+    assert (found["errors"], found["passed"]["count"], [p["errors"] for p in found["points"]]) == (7, 5, [1, 6])
+    assert found["points"][1]["departed"] is None
+    assert "7 of 12 flights failed" in (out / "report.html").read_text()
+    assert [p.name for p in (out / "traces").iterdir()] == ["flight-2.parquet"]  # the other one never flew
+    assert (out / "campaign.toml").is_file()
+    alone = fly_one(load_scenario(out / "scenario.toml", [f"seed={grid.flight(2).seed}", "condition.mach=0.8"]))
+    kept = pq.read_table(out / "traces" / "flight-2.parquet").column("q_deg_s").to_numpy()
+    assert np.array_equal(kept, alone.trace["q_deg_s"])
+    assert table[2]["scheduled.final"] == alone.metrics.estimators["scheduled"].final
+    program, command, base, *options = shlex.split(found["worst"]["command"].replace("FOLDER", str(out)))
+    assert (program, command, options[::2]) == ("flightbed", "run", ["--set"] * 2)
+    reflown = fly_one(load_scenario(base, options[1::2])).metrics
+    assert reflown.to_dict() == found["worst"]["metrics"]
+    assert reflown.tracking_rms_pre_deg_s == max(row["tracking_rms_pre_deg_s"] or 0.0 for row in table)
+    again = load_programme(out / "campaign.toml")  # the folder flies again as it is
+    assert [again.flight(i) for i in range(12)] == [grid.flight(i) for i in range(12)]
+
+
+def test_where_every_flight_fails_the_page_says_why(tmp_path: Path) -> None:
+    (tmp_path / "grid.toml").write_text(GRID.replace("0.8, 0.1", "0.1, 0.11"))
+    flown, out = campaigns.run(load_programme(tmp_path / "grid.toml"), tmp_path / "x", workers=1)
+    assert flown is not None
+    assert flown.worst is None
+    assert json.loads((out / "summary.json").read_text())["worst"] is None
+    assert "12 of 12 flights failed: no trim at Mach 0.10" in (out / "report.html").read_text()
+
+
+def test_moments_are_numpys_whatever_the_lengths(rng: np.random.Generator) -> None:
+    columns = [rng.normal(5.0, 2.0, n) for n in (7, 12, 3, 12, 9, 15)]
+    histories = Histories()
+    for n in (3, 0, 5, 1, 4, 2):  # as they come
+        histories.add(n, Moments.of({"x": columns[n]}))
+    found = histories.merged
+    assert found is not None
+    assert found.flying.tolist() == [6, 6, 6, 5, 5, 5, 5, 4, 4, 3, 3, 3, 1, 1, 1]
+    for k, (mean, std) in enumerate(zip(found.mean["x"], found.std("x"), strict=True)):
+        there = [c[k] for c in columns if len(c) > k]
+        assert mean == pytest.approx(np.mean(there), rel=1e-14)
+        assert std == pytest.approx(np.std(there, ddof=1) if len(there) > 1 else 0.0, rel=1e-12)
+
+
+def test_a_chunk_in_which_nothing_flew_adds_nothing() -> None:
+    histories = Histories()
+    for n, part in enumerate([None, Moments.of({"x": np.array([1.0])}), None, Moments.of({"x": np.array([3.0, 4.0])})]):
+        histories.add(n, part)
+    assert histories.merged is not None
+    assert histories.merged.mean["x"].tolist() == [2.0, 4.0]
+    assert histories.number == 4
+
+
+LONGER = ["--set", "duration_s=4", "--set", "failures.0.at_s=2"]
+MANY = ["campaign", "elevator-loss", "--runs", "90", *LONGER, "--out", "x"]
+
+
+@contextmanager
+def started(*arguments: str, cwd: Path, rows: int) -> Iterator[subprocess.Popen[str]]:
+    """A campaign that has kept so many rows; killed at the end if it still lives."""
+    process = subprocess.Popen(
+        [*COMMAND, *arguments],
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=heed_interrupts,
+    )
+    try:
+        kept, deadline = cwd / "x" / "unfinished" / "rows.jsonl", time.monotonic() + 120.0
+        while not kept.is_file() or kept.read_bytes().count(b"\n") < rows:
+            assert process.poll() is None, process.communicate()[1]
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def _worker_of(process: subprocess.Popen[str]) -> int:
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = path.read_text().rpartition(")")[2].split()[1]
+            command = (path.parent / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if parent == str(process.pid) and b"spawn_main" in command:
+            return int(path.parent.name)
+    raise AssertionError
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The table of MANY, flown here and now."""
+    flights = load_programme("elevator-loss", LONGER[1::2], 90)
+    return campaigns.run(flights, tmp_path_factory.mktemp("many") / "x", workers=1)[1]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="finds workers in /proc")
+def test_killed_interrupted_and_robbed_of_a_worker_it_leaves_the_same_table(undisturbed: Path, tmp_path: Path) -> None:
+    with started(*MANY, "--workers", "2", cwd=tmp_path, rows=10) as process:
+        process.kill()  # -9
+    assert {p.name for p in (tmp_path / "x").iterdir()} == {"unfinished"}
+    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=30) as process:
+        process.send_signal(signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=60)
+        assert (process.returncode, stdout) == (130, "")
+        assert "of 90 flights, which are in x/table.parquet; the same command with --out x --resume goes on\n" in stderr
+        assert len(stderr.splitlines()) == 1
+    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=50) as process:
+        os.kill(_worker_of(process), signal.SIGKILL)
+        stdout, stderr = process.communicate(timeout=120)
+        assert (process.returncode, stderr) == (0, "")
+    _assert_the_same(tmp_path / "x", undisturbed)
+    shutil.rmtree(tmp_path / "x")
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_anything_flies(tmp_path: Path) -> None:
+    done = flightbed("campaign", "nominal", "--out", "/proc/nowhere/x", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("flightbed: --out /proc/nowhere/x: cannot be written")
+    assert len(done.stderr.splitlines()) == 1
