@@ -20,7 +20,7 @@ import numpy as np
 
 from flightbed import WallClock, load_scenario, run
 from flightbed.folder import shown
-from flightbed.live import Live
+from flightbed.live import HOST, Live
 from flightbed.mission import Result
 from flightbed.telemetry import viewer
 from flightbed.telemetry.recording import write_recording
@@ -82,7 +82,6 @@ def handing_over() -> None:
 
     samples = list(fly(load_scenario("elevator-loss")))
     live = Live()  # not started: what is handed over waits in the queue
-    live._estimators = len(samples[0].estimates)
     times: dict[str, list[float]] = {"plain": [], "watched": []}
     for _ in range(15):
         for name, source in (("plain", iter(samples)), ("watched", live.watched(iter(samples)))):
@@ -111,7 +110,7 @@ def flights(rounds: int) -> None:
             _tell("with a viewer", run(scenario, pace=WallClock(), live=Live(port=port, notify=print)))
         # A fresh viewer: of the flight before, this one has all ticks.
         with viewer.headless(port), tempfile.TemporaryFile("w+") as answered:
-            command = [sys.executable, "-c", _ASK, viewer.url(viewer.LOOPBACK, port)]
+            command = [sys.executable, "-c", _ASK, viewer.url(HOST, port)]
             asking = subprocess.Popen(command, stdout=answered)
             clock = _Clock()
             result = run(scenario, pace=clock, live=Live(port=port, notify=print))

@@ -119,8 +119,7 @@ def _read(place: Path) -> _Read:
         if not (place / file).is_file():
             raise OutputError(f"{place}: not a run's folder (no {file})")
     try:
-        text = (place / "scenario.toml").read_text(encoding="utf-8")
-        scenario = tomllib.loads(text)
+        scenario = tomllib.loads((place / "scenario.toml").read_text(encoding="utf-8"))
         summary = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise OutputError(f"{place}: cannot be read: {error}") from None
@@ -264,10 +263,8 @@ def _minus(these: Mapping[str, Any], those: Mapping[str, Any]) -> dict[str, Any]
     """Return the differences of all measured numbers that both have."""
     found: dict[str, Any] = {}
     for key, value in these.items():
-        if key == "seed" or key.startswith(
-            "tracking_rms_"
-        ):  # of different times, if one run has a failure; see tracking
-            continue
+        if key == "seed" or key.startswith("tracking_rms_"):
+            continue  # no measure; and of different times, if one run alone has a failure: see tracking
         other = those.get(key)
         if isinstance(value, Mapping) and isinstance(other, Mapping):
             if inner := _minus(value, other):

@@ -168,12 +168,12 @@ def shown(result: Result) -> Shown:
     scenario, summary = result.plan.scenario, result.summary
     happened = events(scenario, result.trace, summary, result.plan.aircraft.actuator)
     measured = result.metrics.estimators
-    return Shown.of(result.plan).flown(
+    readings = {name: m.nis_expected for name, m in measured.items() if m.nis_expected is not None}
+    return Shown.of(result.plan, readings=readings).flown(
         run_card(scenario, summary),
         happened,
         departed=result.metrics.departed,
         alarmed=[name for name in measured if result.trace[f"{name}.alarms"].max() > 0.0],
-        readings={name: m.nis_expected for name, m in measured.items() if m.nis_expected is not None},
     )
 
 

@@ -6,14 +6,14 @@ A viewer that is missing, slow or gone can fill a queue, no more; then the fligh
 
 from __future__ import annotations
 
-import json
 import queue
 import struct
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, BinaryIO
@@ -35,8 +35,8 @@ _QUEUE = 4096  # messages that may wait
 _OPENING_S, _CLOSING_S, _BREAKING_S = 40.0, 15.0, 1.0
 
 
-def _ignore(_text: str) -> None:
-    pass
+def _warn(text: str) -> None:
+    warnings.warn(text, stacklevel=2)
 
 
 def address(text: str | None) -> tuple[str, int]:
@@ -55,13 +55,13 @@ class Live:
 
     Attributes:
         host, port: where a viewer listens; on this computer one is opened if none does.
-        notify: told in words, once, when there is no viewer, or no longer.
+        notify: told in words, once, when there is no viewer, or no longer; warns without it.
 
     """
 
     host: str = HOST
     port: int = PORT
-    notify: Callable[[str], object] = _ignore
+    notify: Callable[[str], object] = _warn
     _process: subprocess.Popen[bytes] | None = field(default=None, init=False)
     _queue: queue.Queue[bytes] = field(default_factory=lambda: queue.Queue(_QUEUE), init=False)
     _told: threading.Event = field(default_factory=threading.Event, init=False)
@@ -69,11 +69,9 @@ class Live:
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _gone: bool = field(default=False, init=False)
     _over: bool = field(default=False, init=False)
-    _estimators: int = field(default=0, init=False)
 
     def start(self, shown: Shown) -> None:
         """Find or open the viewer; returns when it is ready for the flight, or told that there will be none."""
-        self._estimators = len(shown.estimators)
         # -P: nothing is imported from the folder that one happens to be in.
         command = [sys.executable, "-P", "-m", "flightbed.telemetry.streamer", self.host, str(self.port)]
         try:
@@ -102,9 +100,10 @@ class Live:
     def watched(self, samples: Iterable[Sample]) -> Iterator[Sample]:
         """Yield the samples unchanged, and show them."""
         rows: list[bytes] = []
-        row, last = row_packer(self._estimators), time.perf_counter()
+        row, last = None, time.perf_counter()
         for sample in samples:
             if not self._gone:
+                row = row or row_packer(len(sample.estimates))
                 rows.append(row(sample))
                 if len(rows) >= _TICKS and (now := time.perf_counter()) - last >= _SECONDS:
                     self._put(ROWS, b"".join(rows))
@@ -113,10 +112,10 @@ class Live:
         if rows:
             self._put(ROWS, b"".join(rows))
 
-    def finish(self, card: str, events: Sequence[tuple[float, str, bool]]) -> None:
-        """Show the card and the events of the flight that is over."""
+    def finish(self, flown: Shown) -> None:
+        """Show what came of the flight that is over: its card, its events, a departure."""
         self._over = True
-        self._put(RESULT, json.dumps({"card": card, "events": list(events)}).encode())
+        self._put(RESULT, flown.to_json().encode())
 
     def close(self) -> None:
         """Let what was sent arrive, for some seconds at most, and end; the viewer stays open. Of a flight that broke off nothing has to."""
@@ -131,11 +130,10 @@ class Live:
         except subprocess.TimeoutExpired:
             if self._over:
                 self._lose(f"did not take the whole flight within {patience:g} s")
-        except (
-            KeyboardInterrupt
-        ):  # the flight is over and written: an interrupt is not to wait for the viewer any longer
+        except KeyboardInterrupt:
             if not self._over:
                 raise
+            # The flight is flown and written: the interrupt says not to wait for the viewer any longer.
             self._lose("did not take the whole flight before the interrupt")
         finally:
             self._gone = True

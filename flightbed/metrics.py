@@ -89,7 +89,7 @@ def measure(
     *,
     alpha_trim_deg: float,
     failed_at_s: float | None,
-    readings: Mapping[str, float | None] | None = None,
+    readings: Mapping[str, float] | None = None,
 ) -> Metrics:
     """Compute the metrics of a flight.
 

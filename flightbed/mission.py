@@ -93,11 +93,11 @@ def run(
     """
     target = None if out is None else check_target(Path(out), replace=replace)
     planned = plan(scenario)
+    flight = assemble(planned)
     try:
         if live is not None:
-            live.start(Shown.of(planned))
+            live.start(Shown.of(planned, readings=_readings(flight, scenario)))
         began = time.perf_counter()
-        flight = assemble(planned)
         trace = _collected(flight, scenario, pace, live)
         wall = time.perf_counter() - began
         trace, metrics = _measured(planned, flight, trace)
@@ -107,8 +107,7 @@ def run(
                 result, folder=write_run(result, target, rerun=rerun, report=report, replace=replace)
             )
         if live is not None:
-            flown = shown(result)
-            live.finish(flown.card, flown.planned)
+            live.finish(shown(result))
     finally:
         if live is not None:
             live.close()
@@ -144,12 +143,18 @@ def _measured(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]
     trace = _with_bound(plan, trace)
     trace = with_excitation(trace, m_delta=float(plan.design.b[1]), control_hz=plan.scenario.rates.control_hz)
     failed_at_s = _failed_at_s(plan.scenario, trace)
-    readings = {
-        name: getattr(estimator, "readings", None)
-        for name, estimator in zip(trace.estimators, flight.estimators, strict=True)
-    }
+    readings = _readings(flight, plan.scenario)
     alpha_trim_deg = plan.trim.alpha_rad / DEG
     return trace, measure(trace, alpha_trim_deg=alpha_trim_deg, failed_at_s=failed_at_s, readings=readings)
+
+
+def _readings(flight: Flight, scenario: Scenario) -> dict[str, float]:
+    """Return of how many readings the NIS of each estimator is, of those that say so."""
+    told = {
+        e.name: getattr(flown, "readings", None)
+        for e, flown in zip(scenario.estimators, flight.estimators, strict=True)
+    }
+    return {name: float(readings) for name, readings in told.items() if readings is not None}
 
 
 def _failed_at_s(scenario: Scenario, trace: Trace) -> float | None:

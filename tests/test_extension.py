@@ -524,13 +524,17 @@ def test_options_cannot_be_changed_and_tell_what_is_missing() -> None:
 
 
 def test_own_kinds_may_use_every_key() -> None:
+    """Keys that a built-in kind would leave without effect, and is refused."""
+    estimator = ["estimators.0.forgetting=0.9", "estimators.0.prior.alpha_deg=1"]
+    others = ["failures.0.over_s=3", "command.seed=1"]
     with using({"mine": Still}):
-        load_scenario(
-            "elevator-loss", ["estimators.0.kind=mine", "estimators.0.forgetting=0.9", "estimators.0.prior.alpha_deg=1"]
-        )
-        load_scenario(
-            "elevator-loss", ["failures.0.kind=mine", "failures.0.over_s=3", "command.kind=mine", "command.seed=1"]
-        )
+        own = load_scenario("elevator-loss", ["estimators.0.kind=mine", *estimator]).estimators[0]
+        assert (own.forgetting, own.prior.alpha_deg) == (0.9, 1.0)
+        own_kinds = load_scenario("elevator-loss", ["failures.0.kind=mine", "command.kind=mine", *others])
+        assert (own_kinds.failures[0].over_s, own_kinds.command.seed) == (3.0, 1)
+    for key in (*estimator, *others):
+        with pytest.raises(ScenarioError, match="has no effect"):
+            load_scenario("elevator-loss", [key])
 
 
 class _SaysNan(LoopGain):

@@ -105,7 +105,7 @@ def plots(
             and (gusts or plot.key != "gust")
             and (moves_cg or plot.key != "cg_shift")
         ):
-            kept.append(Plot(plot.key, plot.title, plot.tab, lines, plot.range, plot.estimator, plot.bands))
+            kept.append(replace(plot, lines=lines))
     return tuple(kept)
 
 

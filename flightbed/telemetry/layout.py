@@ -90,7 +90,7 @@ def _plot(plot: Plot, *, legend: bool = True) -> rrb.TimeSeriesView:
         name=plot.title,
         origin=f"/{plot.key}",
         axis_x=rrb.TimeAxis(link="LinkToGlobal"),
-        axis_y=None if plot.range is None else rrb.ScalarAxis(range=plot.range, zoom_lock=True),
+        axis_y=None if plot.range is None else rrb.ScalarAxis(range=plot.range),
         plot_legend=rrb.PlotLegend(
             rrb.Corner2D.LeftBottom if plot.key == "effectiveness" else rrb.Corner2D.RightTop, visible=legend
         ),

@@ -35,6 +35,7 @@ class Recorder:
         self._extent: dict[str, tuple[float, float]] = {}
         self._marked: dict[str, tuple[float, float, int]] = {}
         self._aircraft = Aircraft(stream, "world", trail=palette.OTHER)
+        self._last_s = 0.0
 
     def begin(self) -> None:
         """Tell what does not change: names, colours, the aircraft's shape, the run card."""
@@ -67,12 +68,11 @@ class Recorder:
         stream.log("world", rr.ViewCoordinates.FRD, static=True)
         self._aircraft.begin()
 
-    def end(self, t_s: float) -> None:
-        """Tell of a departure, in the lane of the elevator, a little longer than it lasts so that it is seen."""
-        if self._shown.departed:
-            for at_s, state in ((t_s, "departed"), (1.03 * t_s, "departed")):
-                set_time(self._stream, at_s)
-                self._stream.log("mode/elevator", rr.StateChange(state=state))
+    def departed(self) -> None:
+        """Tell that the last tick departed, in the lane of the elevator, a little longer than it lasts so that it is seen."""
+        for t_s in (self._last_s, 1.03 * self._last_s):
+            set_time(self._stream, t_s)
+            self._stream.log("mode/elevator", rr.StateChange(state="departed"))
 
     def card(self, text: str) -> None:
         """Tell the run card, in place of an earlier one."""
@@ -93,6 +93,7 @@ class Recorder:
             self._mark(plot, part)
         self._modes(trace, new)
         self._aircraft.add(part)
+        self._last_s = float(trace["t_s"][-1])
 
     def _lines(self, plot: Plot, part: Trace) -> None:
         values = np.column_stack([line.values(part) for line in plot.lines])

@@ -34,7 +34,8 @@ def write_recording(path: Path, trace: Trace, shown: Shown) -> None:
         recorder = Recorder(stream, shown, wanted)
         recorder.begin()
         recorder.add(trace)
-        recorder.end(float(trace["t_s"][-1]))
+        if shown.departed:
+            recorder.departed()
         recorder.events(shown.planned)
         stream.flush()
     stream.disconnect()

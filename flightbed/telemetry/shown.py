@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -62,12 +62,12 @@ class Shown:
     actuator: Actuator
     control_hz: int
     m_delta: float
-    readings: Mapping[str, float] = field(default_factory=dict)
+    readings: Mapping[str, float]
     departed: bool = False
 
     @classmethod
-    def of(cls, plan: Plan) -> Shown:
-        """Return what there is to tell of a plan."""
+    def of(cls, plan: Plan, *, readings: Mapping[str, float]) -> Shown:
+        """Return what there is to tell of a plan; ``readings`` as above."""
         scenario = plan.scenario
         hz = scenario.rates.control_hz
         return cls(
@@ -83,6 +83,7 @@ class Shown:
             actuator=plan.aircraft.actuator,
             control_hz=hz,
             m_delta=float(plan.design.b[1]),
+            readings=dict(readings),
         )
 
     def flown(
@@ -92,16 +93,14 @@ class Shown:
         *,
         departed: bool,
         alarmed: Collection[str],
-        readings: Mapping[str, float],
     ) -> Shown:
-        """Return it with what is known when the flight is over: card, events, whether it departed, whose alarms and NIS are which."""
+        """Return it with what is known when the flight is over: card, events, whether it departed, who raised alarms."""
         return dataclasses.replace(
             self,
             card=card,
             planned=tuple(Event(*event) for event in events),
             departed=departed,
             detectors=tuple(name for name in self.estimators if name in self.detectors or name in alarmed),
-            readings={**self.readings, **readings},
         )
 
     @property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import threading
@@ -15,7 +14,7 @@ import rerun as rr
 from flightbed.card import seen_events
 from flightbed.errors import FlightbedError
 from flightbed.excitation import WINDOW_S, with_excitation
-from flightbed.live import FLIGHT, HEADER, RESULT, ROWS
+from flightbed.live import FLIGHT, HEADER, HOST, RESULT, ROWS
 from flightbed.telemetry import layout, viewer
 from flightbed.telemetry.recorder import Recorder
 from flightbed.telemetry.recording import APPLICATION
@@ -47,7 +46,7 @@ def main() -> None:
             elif kind == RESULT:
                 show.add(rows)
                 rows = b""
-                show.result(content)
+                show.result(Shown.from_json(content.decode()))
         show.add(rows)
         if time.monotonic() - looked > _LOOK_S:
             looked = time.monotonic()
@@ -57,9 +56,8 @@ def main() -> None:
         show.stream.flush(timeout_sec=_FLUSH_S)
     except Exception:  # it says RuntimeError or its own error when the viewer is gone
         _end("lost is gone")
-    parting = threading.Thread(
-        target=show.stream.disconnect, daemon=True
-    )  # waits for ever for a viewer that goes just now
+    # In a thread, because it waits for ever for a viewer that goes just now.
+    parting = threading.Thread(target=show.stream.disconnect, daemon=True)
     parting.start()
     parting.join(_FLUSH_S)
     _end("done")
@@ -69,7 +67,7 @@ def _opened(host: str, port: int) -> str:
     """Find the viewer, or open one; returns what to tell the flight."""
     if viewer.listens(host, port):
         return "ready"
-    if host not in (viewer.LOOPBACK, "localhost"):
+    if host not in (HOST, "localhost"):
         return "lost does not answer"
     if not viewer.has_display():
         return "lost is not there, and there is no display to open one on (docs/viewer.md: a viewer elsewhere)"
@@ -150,12 +148,14 @@ class Show:
         self._log(happened)
         self._kept = values[-width * (round(WINDOW_S * shown.control_hz) + 1) :]
 
-    def result(self, content: bytes) -> None:
+    def result(self, flown: Shown) -> None:
         """Show what came of the flight."""
-        told = json.loads(content)
-        if self._recorder is not None:
-            self._recorder.card(told["card"])
-            self._log([Event(*event) for event in told["events"]])
+        if self._recorder is None:
+            return
+        self._recorder.card(flown.card)
+        self._log(list(flown.planned))
+        if flown.departed:
+            self._recorder.departed()
 
     def _begin(self, trace: Trace) -> Recorder:
         # A filter may have no NIS at its first ticks.

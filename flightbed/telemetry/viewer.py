@@ -14,18 +14,17 @@ from socket import create_connection, create_server
 from typing import Any
 
 from flightbed.errors import InputError, NotComputableError, OutputError
+from flightbed.live import HOST
 from flightbed.model_files import write_whole
 from flightbed.telemetry.layout import TIMELINE
 
-LOOPBACK = "127.0.0.1"
-PORT = 9876  # Rerun's own
 _SETTLING_S = 1.5  # for the views to draw what has arrived
 _OPENING_S = 20.0  # the first time, a viewer of 280 MB comes from a cold disk
 
 
 def view(path: Path) -> int:
     """Open a recording in a window; returns the viewer's exit code."""
-    return subprocess.run([executable(), "--bind", LOOPBACK, "--port", "auto", str(path)], check=False).returncode
+    return subprocess.run([executable(), "--bind", HOST, "--port", "auto", str(path)], check=False).returncode
 
 
 def has_display() -> bool:
@@ -35,7 +34,7 @@ def has_display() -> bool:
 
 def free_port() -> int:
     """Return a port of this computer that nobody listens on."""
-    with closing(create_server((LOOPBACK, 0))) as server:
+    with closing(create_server((HOST, 0))) as server:
         return int(server.getsockname()[1])
 
 
@@ -64,13 +63,13 @@ def launch(port: int, *options: str) -> subprocess.Popen[bytes]:
 
     Raises NotComputableError when it does not get so far.
     """
-    command = [executable(), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", *options]
+    command = [executable(), "--bind", HOST, "--port", str(port), "--hide-welcome-screen", *options]
     quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     process = subprocess.Popen(command, start_new_session=True, **quiet)  # type: ignore[call-overload]
     until = time.monotonic() + _OPENING_S
     try:
         while time.monotonic() < until and process.poll() is None:
-            if listens(LOOPBACK, port):
+            if listens(HOST, port):
                 return process  # type: ignore[no-any-return]
             time.sleep(0.05)
     except BaseException:
@@ -91,7 +90,7 @@ def headless(port: int | None = None) -> Iterator[Any]:
     port = port or free_port()
     process = launch(port, "--headless")
     try:
-        client = ViewerClient.connect(url(LOOPBACK, port))
+        client = ViewerClient.connect(url(HOST, port))
         _wait_until_drawing(client, process)
         yield client
     finally:

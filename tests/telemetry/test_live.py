@@ -90,6 +90,12 @@ def test_a_viewer_killed_in_flight_stops_nothing_and_is_told_once(short: Scenari
     _same_flight(result, scenario)
 
 
+def test_without_somebody_to_tell_it_warns(short: Scenario) -> None:
+    with pytest.warns(UserWarning, match="does not answer; the flight goes on without it") as told:
+        run(short, live=Live("127.0.0.2", viewer.free_port()))
+    assert len(told) == 1
+
+
 def test_no_viewer_and_no_display_is_told_once(
     short: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -171,8 +177,8 @@ def test_an_interrupt_of_a_flight_that_is_written_only_lets_the_viewer_go(
         live = Live(port=server.getsockname()[1], notify=said.append)
         finish = live.finish
 
-        def finished(card: str, events: Any) -> None:
-            finish(card, events)
+        def finished(flown: Any) -> None:
+            finish(flown)
             assert live._process is not None
             wait = live._process.wait
 
