@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 from threading import Thread
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,8 @@ from flightbed.scenario import Scenario
 
 Vector = npt.NDArray[np.float64]
 Progress = Callable[[int], None]
+T = TypeVar("T")
+R = TypeVar("R")
 
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -81,23 +84,43 @@ def fly_jobs(
         for index, job in enumerate(jobs)
         for start in range(0, job.runs, CHUNK)
     ]
-    done: list[list[tuple[int, list[Flown]]]] = [[] for _ in jobs]
+    parts = spread(
+        [chunk for _, chunk in chunks], fly_chunk, executor=executor, done=lambda chunk: progress(chunk.runs)
+    )
+    flown: list[list[Flown]] = [[] for _ in jobs]
+    for (index, _), flights in zip(chunks, parts, strict=True):
+        flown[index] += flights
+    return flown
+
+
+def spread(
+    tasks: Sequence[T], work: Callable[[T], R], *, executor: Executor | None, done: Callable[[T], object]
+) -> list[R]:
+    """Return what a function makes of every task, in the order of the tasks.
+
+    Args:
+        tasks: what to do.
+        work: a function that other processes can import.
+        executor: where; None works here and now.
+        done: called with each task as it is done.
+
+    """
     if executor is None:
-        for index, chunk in chunks:
-            done[index].append((chunk.first_seed, fly_chunk(chunk)))
-            progress(chunk.runs)
-    else:
-        futures = {executor.submit(fly_chunk, chunk): (index, chunk) for index, chunk in chunks}
-        try:
-            for future in as_completed(futures):
-                index, chunk = futures[future]
-                done[index].append((chunk.first_seed, future.result()))
-                progress(chunk.runs)
-        except BaseException:
-            for future in futures:
-                future.cancel()
-            raise
-    return [[flown for _, flights in sorted(parts, key=lambda p: p[0]) for flown in flights] for parts in done]
+        results = []
+        for task in tasks:
+            results.append(work(task))
+            done(task)
+        return results
+    futures = {executor.submit(work, task): task for task in tasks}
+    try:
+        for future in as_completed(futures):
+            future.result()
+            done(futures[future])
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+    return [future.result() for future in futures]
 
 
 def fly_chunk(job: Job) -> list[Flown]:

@@ -1,36 +1,54 @@
-"""What a study is made of: parts, each the flights that it needs and the section that it makes of them."""
+"""What a study is made of: parts, each the flights and trials that it needs and the section that it makes of them."""
 
 from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from importlib.metadata import version
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from flightbed.document import Document, Section
-from flightbed.ensemble import Flown, Job, fly_jobs
-from flightbed.settings import Scenario
+from flightbed.ensemble import CHUNK, Flown, Job, fly_jobs, spread
 
 Key = TypeVar("Key")
 Flights = list[list[Flown]]
+Results = list[list[Any]]  # of each job its flights, or what its trials returned
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
-class Part:
-    """A section and the flights behind it.
+class Trials:
+    """Runs of a simulation that is no flight of a scenario: ``simulate(seed, *arguments)`` with the seeds 0, 1, ...
 
     Attributes:
-        jobs: what has to be flown.
-        build: the flights of each job, in order -> the section.
+        simulate: a function that other processes can import; its result depends on its arguments alone.
+        arguments: after the seed.
+        runs: how often.
+        first_seed: seed of the first run.
 
     """
 
-    jobs: Sequence[Job]
-    build: Callable[[Flights], Section]
+    simulate: Callable[..., Any]
+    arguments: tuple[Hashable, ...]
+    runs: int
+    first_seed: int = 0
+
+
+@dataclass(frozen=True)
+class Part:
+    """A section and the runs behind it.
+
+    Attributes:
+        jobs: what has to be flown or tried.
+        build: the results of each job, in order -> the section.
+
+    """
+
+    jobs: Sequence[Job | Trials]
+    build: Callable[[Results], Section]
 
 
 @dataclass(frozen=True)
@@ -51,31 +69,60 @@ class Study:
     parts: Callable[[int], Sequence[Part]]
 
 
-def keyed(jobs: Mapping[Key, Job], build: Callable[[Mapping[Key, list[Flown]]], Section]) -> Part:
-    """Return a part whose flights are found by the keys of its jobs."""
-    return Part(list(jobs.values()), lambda flights: build(dict(zip(jobs, flights, strict=True))))
+def keyed(jobs: Mapping[Key, Job | Trials], build: Callable[[Mapping[Key, list[Any]]], Section]) -> Part:
+    """Return a part whose results are found by the keys of its jobs."""
+    return Part(list(jobs.values()), lambda results: build(dict(zip(jobs, results, strict=True))))
 
 
-def distinct_jobs(parts: Sequence[Part]) -> list[Job]:
-    """Return what all parts together have to fly; flights that several of them need are flown once, with all the columns."""
-    merged: dict[Scenario, Job] = {}
+def distinct_jobs(parts: Sequence[Part]) -> list[Job | Trials]:
+    """Return what all parts together have to run; what several of them need is run once, flights with all the columns."""
+    merged: dict[Hashable, Job | Trials] = {}
     for job in (job for part in parts for job in part.jobs):
-        had = merged.setdefault(job.scenario, job)
-        columns = tuple(dict.fromkeys((*had.columns, *job.columns)))
-        merged[job.scenario] = replace(had, runs=max(had.runs, job.runs), columns=columns)
+        had = merged.setdefault(_what(job), job)
+        runs = max(had.runs, job.runs)
+        if isinstance(job, Job) and isinstance(had, Job):
+            columns = tuple(dict.fromkeys((*had.columns, *job.columns)))
+            merged[_what(job)] = replace(had, runs=runs, columns=columns)
+        else:
+            merged[_what(job)] = replace(had, runs=runs)
     return list(merged.values())
+
+
+def _what(job: Job | Trials) -> Hashable:
+    return job.scenario if isinstance(job, Job) else (job.simulate, job.arguments, job.first_seed)
+
+
+def _try(trials: Trials) -> list[Any]:
+    first = trials.first_seed
+    return [trials.simulate(seed, *trials.arguments) for seed in range(first, first + trials.runs)]
+
+
+def run_trials(
+    trials: Sequence[Trials], *, executor: Executor | None, progress: Callable[[int], None]
+) -> list[list[Any]]:
+    """Run all trials; returns the results of each, in order of their seeds. As ``ensemble.fly_jobs`` otherwise."""
+    chunks = [
+        (index, replace(one, runs=min(CHUNK, one.runs - start), first_seed=one.first_seed + start))
+        for index, one in enumerate(trials)
+        for start in range(0, one.runs, CHUNK)
+    ]
+    parts = spread([chunk for _, chunk in chunks], _try, executor=executor, done=lambda chunk: progress(chunk.runs))
+    results: list[list[Any]] = [[] for _ in trials]
+    for (index, _), part in zip(chunks, parts, strict=True):
+        results[index] += part
+    return results
 
 
 def reproduce(
     study: Study, runs: int, *, executor: Executor | None = None, progress: Progress | None = None
 ) -> Document:
-    """Fly what all parts of a study need, together, and make its report.
+    """Run what all parts of a study need, together, and make its report.
 
     Args:
         study: which.
-        runs: flights of each case.
-        executor: where they are flown; None flies here and now.
-        progress: called with the numbers of flights that are done, and of all, whenever some are done.
+        runs: flights or trials of each case.
+        executor: where they are run; None runs them here and now.
+        progress: called with the numbers of runs that are done, and of all, whenever some are done.
 
     """
     began, done = time.perf_counter(), 0
@@ -89,8 +136,12 @@ def reproduce(
         if progress is not None:
             progress(done, total)
 
-    flown = dict(zip((job.scenario for job in jobs), fly_jobs(jobs, executor=executor, progress=tell), strict=True))
-    sections = [part.build([flown[job.scenario][: job.runs] for job in part.jobs]) for part in parts]
+    flights = [job for job in jobs if isinstance(job, Job)]
+    trials = [job for job in jobs if isinstance(job, Trials)]
+    done_by = {_what(j): r for j, r in zip(flights, fly_jobs(flights, executor=executor, progress=tell), strict=True)}
+    tried = run_trials(trials, executor=executor, progress=tell)
+    results: dict[Hashable, list[Any]] = {**done_by, **{_what(j): r for j, r in zip(trials, tried, strict=True)}}
+    sections = [part.build([results[_what(job)][: job.runs] for job in part.jobs]) for part in parts]
     facts = {
         "again": f"flightbed reproduce {study.name} --runs {runs}",
         "flights": total,

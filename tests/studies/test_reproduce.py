@@ -10,10 +10,12 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flightbed import cli, registry
-from flightbed.studies.base import distinct_jobs, reproduce
+from flightbed.document import Section
+from flightbed.studies.base import Part, Results, Study, Trials, distinct_jobs, reproduce
 from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
 from tests.studies.tiny import tiny
 
@@ -53,6 +55,30 @@ def test_the_executor_changes_no_number() -> None:
     with ThreadPoolExecutor(2) as threads:
         pooled = reproduce(tiny(), 3, executor=threads).to_dict()
     assert pooled["tables"] == reproduce(tiny(), 3).to_dict()["tables"]
+
+
+def _walk(seed: int, length: int) -> tuple[int, float]:
+    return seed, float(np.random.default_rng(seed).standard_normal(length).sum())
+
+
+def test_trials_beside_flights_are_run_once_in_the_order_of_their_seeds() -> None:
+    seen: list[list[tuple[int, float]]] = []
+
+    def build(results: Results) -> Section:
+        seen.extend(results)
+        return Section("walks")
+
+    def study(runs: int) -> list[Part]:
+        return [
+            *tiny().parts(2),
+            Part([Trials(_walk, (5,), runs), Trials(_walk, (6,), 3)], build),
+            Part([Trials(_walk, (5,), 2)], build),
+        ]
+
+    with ThreadPoolExecutor(2) as threads:
+        pooled = reproduce(Study("walks", "Walks", 60, study), 60, executor=threads)
+    assert pooled.facts["flights"] == 8 + 60 + 3
+    assert seen == [[_walk(s, 5) for s in range(60)], [_walk(s, 6) for s in range(3)], [_walk(s, 5) for s in range(2)]]
 
 
 def test_json_is_alone_on_stdout_and_the_folder_is_whole(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
