@@ -11,17 +11,14 @@ This module sees the truth: it judges flights, and nothing on board may use it.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from flightbed.estimation.kernels import compiled
+from flightbed.compiling import Array, compiled
 from flightbed.estimation.pitch_model import local_models
 from flightbed.schedule import Schedule
 from flightbed.sensors import SensorNoise
 from flightbed.short_period import ShortPeriod
 from flightbed.trace import Trace
 from flightbed.units import DEG, FT
-
-Array = npt.NDArray[np.float64]
 
 
 @compiled

@@ -45,6 +45,14 @@ class Flight:
             raise ValueError("the law is to be fed an estimator's state, but the flight has no such estimator")
 
 
+def not_a_number(estimator: int, smoothed: float, tick: int) -> EstimateError:
+    """Return the error of an estimator whose smoothed K is no number."""
+    return EstimateError(
+        f"estimators.{estimator}: its smoothed K is {smoothed} at tick {tick}; "
+        "the law cannot be corrected by that, flightbed.testing.check_estimator helps to find out why"
+    )
+
+
 def fly(flight: Flight) -> Iterator[Sample]:
     """Fly, yielding one Sample per control tick; stops at the end of the profile, or after the sample that departs or hits the ground."""
     plant, sensors, law, adaptation = flight.plant, flight.sensors, flight.law, flight.adaptation
@@ -75,10 +83,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
         elif estimates:
             estimate = estimates[which]
             if corrected and not isfinite(estimate.effectiveness_smoothed) and isfinite(measurement.q_rad_s):
-                raise EstimateError(
-                    f"estimators.{which}: its smoothed K is {estimate.effectiveness_smoothed} at tick {tick}; "
-                    "the law cannot be corrected by that, flightbed.testing.check_estimator helps to find out why"
-                )
+                raise not_a_number(which, estimate.effectiveness_smoothed, tick)
             believed = believed_of(estimate.effectiveness_smoothed, estimate.effectiveness_std)
         feedback = feedback_of(measurement.elevator_rad, believed)
         reference = reference_of(q_ref, believed)

@@ -7,9 +7,32 @@ from itertools import repeat
 
 import numpy as np
 
+from flightbed.compiling import Array, compiled, plain
 from flightbed.signals import Measurement, Truth
 
 _new = tuple.__new__
+Eight = tuple[float, float, float, float, float, float, float, float]
+
+
+@compiled
+def readings(
+    alpha: float, q: float, elevator: float, elevator_mean: float, mach: float, altitude: float, theta: float, phi: float,
+    mach_scale: float, e_alpha: float, e_q: float, e_elevator: float, e_mach: float, e_altitude: float, e_theta: float, e_phi: float,
+) -> Eight:  # fmt: skip
+    """Return what is read, in the order of Measurement, of the true values and the errors at a tick."""
+    return (
+        alpha + e_alpha,
+        q + e_q,
+        elevator + e_elevator,
+        elevator_mean + e_elevator,
+        mach * mach_scale + e_mach,
+        altitude + e_altitude,
+        theta + e_theta,
+        phi + e_phi,
+    )
+
+
+_readings = plain(readings)
 
 
 @dataclass(frozen=True)
@@ -43,6 +66,10 @@ class Sensors:
         seed: of this flight's sensors; streams are spawned from it, so a further sensor leaves the others as they are.
         errors: constant errors.
 
+    Attributes:
+        errors: (ticks, 7), what each reading is off at each tick, in the order of SensorNoise.
+        mach_scale: factor on the true Mach number.
+
     """
 
     def __init__(
@@ -52,31 +79,26 @@ class Sensors:
         stds = astuple(noise)
         offsets = (errors.alpha_rad, errors.q_rad_s)
         streams = zip(stds, seed.spawn(len(stds)), (*offsets, *repeat(0.0, len(stds) - len(offsets))), strict=True)
-        drawn = (
-            (offset + std * np.random.default_rng(s).standard_normal(ticks)).tolist()
-            if std
-            else list(repeat(offset, ticks))
-            for std, s, offset in streams
-        )
-        # Rows of plain numbers: reading them costs a third of reading an array.
-        self._rows = list(zip(*drawn, strict=True))
-        self._mach = 1.0 + errors.mach
+        self.errors: Array = np.zeros((ticks, len(stds)))
+        for column, (std, stream, offset) in enumerate(streams):
+            self.errors[:, column] = offset
+            if std:
+                self.errors[:, column] = offset + std * np.random.default_rng(stream).standard_normal(ticks)
+        self._rows: list[
+            list[float]
+        ] = []  # plain numbers, made of the array when first read: reading them costs a third of it
+        self.mach_scale = 1.0 + errors.mach
 
     def read(self, tick: int, truth: Truth) -> Measurement:
         """Return the readings at a tick. The averaged surface position carries the same error as the present one."""
-        alpha, q, elevator, mach, altitude, theta, phi = self._rows[tick]
+        errors = (self._rows or self._laid_out())[tick]
         # The fields of Truth taken apart at once, the Measurement made without its constructor: half the time of doing it by name.
-        alpha_0, q_0, theta_0, phi_0, _, _, mach_0, altitude_0, _, _, _, elevator_0, mean_0 = truth[:13]
+        alpha, q, theta, phi, _, _, mach, altitude, _, _, _, elevator, elevator_mean = truth[:13]
         return _new(
             Measurement,
-            (
-                alpha_0 + alpha,
-                q_0 + q,
-                elevator_0 + elevator,
-                mean_0 + elevator,
-                mach_0 * self._mach + mach,
-                altitude_0 + altitude,
-                theta_0 + theta,
-                phi_0 + phi,
-            ),
+            _readings(alpha, q, elevator, elevator_mean, mach, altitude, theta, phi, self.mach_scale, *errors),
         )
+
+    def _laid_out(self) -> list[list[float]]:
+        self._rows = self.errors.tolist()
+        return self._rows

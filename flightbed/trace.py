@@ -76,6 +76,12 @@ _ESTIMATED = {
 
 
 _ROW = (*_FLOWN_FIELDS, *Truth._fields, *Measurement._fields)
+LEADING = len(_FLOWN_FIELDS)  # numbers of a row before the Truth, the Measurement and the Estimates
+
+
+def row_width(estimators: int) -> int:
+    """Return how many numbers a sample of a flight with so many estimators is."""
+    return len(_ROW) + estimators * len(Estimate._fields)
 
 
 @dataclass(frozen=True)
@@ -152,7 +158,7 @@ def row_packer(estimators: int) -> Callable[[Sample], bytes]:
 
     Packed at once a row costs half of what its numbers cost one by one in a list.
     """
-    pack = Struct(f"{len(_ROW) + estimators * len(Estimate._fields)}d").pack
+    pack = Struct(f"{row_width(estimators)}d").pack
 
     def row(sample: Sample) -> bytes:
         tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd = sample

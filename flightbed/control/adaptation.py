@@ -4,6 +4,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from flightbed.compiling import compiled, plain
+
+
+@compiled
+def divisor(smoothed: float, std: float, floor: float, caution: float) -> float:
+    """Return what to divide the demand by: K-hat, no less than the floor, and with caution more; see Adaptation."""
+    floored = smoothed if smoothed > floor else floor
+    if caution == 0.0:
+        return floored
+    return min(max(1.0, floored), floored + (caution * std) ** 2 / floored)
+
+
+@compiled
+def limited(reference: float, believed: float, low: float, high: float, trim: float, peak: float) -> float:
+    """Return a reference, cut to what the elevator that is left can give between its stops; see Adaptation."""
+    left = min(believed * high - trim, trim - believed * low)
+    limit = max(0.0, left) / peak
+    return -limit if reference < -limit else limit if reference > limit else reference
+
+
+@compiled
+def cut(command: float, low: float, high: float) -> float:
+    """Return a command, cut at the stops."""
+    return low if command < low else high if command > high else command
+
+
+_divisor, _limited, _cut = plain(divisor), plain(limited), plain(cut)
+
 
 @dataclass(frozen=True)
 class Adaptation:
@@ -43,20 +71,13 @@ class Adaptation:
 
     def believed(self, effectiveness_smoothed: float, std: float = 0.0) -> float:
         """Return the K-hat to divide by, from the smoothed estimate and its standard deviation."""
-        if not self.enabled:
-            return 1.0
-        floored = effectiveness_smoothed if effectiveness_smoothed > self.floor else self.floor
-        if not self.caution:
-            return floored
-        return min(max(1.0, floored), floored + (self.caution * std) ** 2 / floored)
+        return _divisor(effectiveness_smoothed, std, self.floor, self.caution) if self.enabled else 1.0
 
     def reference(self, q_ref_rad_s: float, believed: float) -> float:
         """Return the reference, cut to what the deflection that is left can follow, rad/s."""
         if self.peak_per_reference is None or not self.enabled:
             return q_ref_rad_s
-        left = min(believed * self.max_rad - self.trim_rad, self.trim_rad - believed * self.min_rad)
-        limit = max(0.0, left) / self.peak_per_reference
-        return -limit if q_ref_rad_s < -limit else limit if q_ref_rad_s > limit else q_ref_rad_s
+        return _limited(q_ref_rad_s, believed, self.min_rad, self.max_rad, self.trim_rad, self.peak_per_reference)
 
     def elevator_feedback(self, elevator_rad: float, believed: float) -> float:
         """Return the deflection that the law is fed, rad."""
@@ -64,5 +85,4 @@ class Adaptation:
 
     def command(self, demand_rad: float, believed: float) -> float:
         """Return the command, cut at the stops, rad."""
-        command = demand_rad / believed
-        return self.min_rad if command < self.min_rad else self.max_rad if command > self.max_rad else command
+        return _cut(demand_rad / believed, self.min_rad, self.max_rad)

@@ -2,8 +2,21 @@
 
 from __future__ import annotations
 
+from flightbed.compiling import compiled, plain
 from flightbed.control.base import Gains
 from flightbed.signals import Measurement
+
+
+@compiled
+def proportional_demand(
+    gain_reference: float, gain_alpha: float, gain_q: float, gain_elevator: float, elevator_trim: float,
+    q_ref: float, alpha: float, q: float, elevator: float,
+) -> float:  # fmt: skip
+    """Return the deflection that should act, rad; alpha and elevator as deviations from trim."""
+    return elevator_trim + gain_reference * q_ref + gain_alpha * alpha + gain_q * q + gain_elevator * elevator
+
+
+_demand = plain(proportional_demand)
 
 
 class Proportional:
@@ -12,14 +25,11 @@ class Proportional:
     def __init__(self, gains: Gains, *, alpha_trim_rad: float, elevator_trim_rad: float) -> None:
         self.gains = gains
         self._alpha, self._q, self._elevator, self._reference = gains.alpha, gains.q, gains.elevator, gains.reference
-        self._alpha_trim, self._elevator_trim = alpha_trim_rad, elevator_trim_rad
+        self.alpha_trim_rad, self.elevator_trim_rad = alpha_trim_rad, elevator_trim_rad
 
     def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:  # noqa: ARG002
         """Return the deflection that should act, rad."""
-        return (
-            self._elevator_trim
-            + self._reference * q_ref_rad_s
-            + self._alpha * (measurement.alpha_rad - self._alpha_trim)
-            + self._q * measurement.q_rad_s
-            + self._elevator * (elevator_rad - self._elevator_trim)
-        )
+        return _demand(
+            self._reference, self._alpha, self._q, self._elevator, self.elevator_trim_rad,
+            q_ref_rad_s, measurement.alpha_rad - self.alpha_trim_rad, measurement.q_rad_s, elevator_rad - self.elevator_trim_rad,
+        )  # fmt: skip

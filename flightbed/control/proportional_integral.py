@@ -12,8 +12,8 @@ class ProportionalIntegral:
 
     def __init__(self, gains: Gains, *, alpha_trim_rad: float, elevator_trim_rad: float, control_hz: int) -> None:
         self._proportional = Proportional(gains, alpha_trim_rad=alpha_trim_rad, elevator_trim_rad=elevator_trim_rad)
-        self.gains = gains
-        self._per_tick = gains.integral / control_hz
+        self.gains, self.alpha_trim_rad, self.elevator_trim_rad = gains, alpha_trim_rad, elevator_trim_rad
+        self.per_tick = gains.integral / control_hz
         self._integral = 0.0
 
     def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:
@@ -22,5 +22,5 @@ class ProportionalIntegral:
             measurement, q_ref_rad_s=q_ref_rad_s, elevator_rad=elevator_rad, hold=hold
         )
         if not hold:
-            self._integral += self._per_tick * (q_ref_rad_s - measurement.q_rad_s)
+            self._integral += self.per_tick * (q_ref_rad_s - measurement.q_rad_s)
         return demand

@@ -6,7 +6,7 @@ aircraft, with two states that are both measured, run through ``kernels.step``, 
 
 from __future__ import annotations
 
-from flightbed.estimation.kernels import Array, compiled
+from flightbed.compiling import Array, compiled
 
 
 @compiled

@@ -6,33 +6,16 @@ innermost loops run over them. W = 1 is the ordinary recursive filter; W = N sta
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
 from math import sqrt
-from typing import ParamSpec, TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from flightbed.compiling import Array, compiled
+
 Found = tuple[float, float, float, float, float, float, float, float, float, float, float, float]  # what a tick gives
-P_ = ParamSpec("P_")
-R_ = TypeVar("R_")
 
 FIXED, ANCHORED, CORRECTED = 0.0, 1.0, 2.0  # how a filter starts
 YOUNG = 15.0  # ticks after an alarm in which the time of the change is still looked for
-
-PLAIN = os.environ.get("FLIGHTBED_PLAIN", "") not in ("", "0")
-
-
-def compiled(function: Callable[P_, R_]) -> Callable[P_, R_]:
-    """Compile at first call, unless FLIGHTBED_PLAIN is set; ``.py_func`` is the plain function either way."""
-    if PLAIN:
-        function.py_func = function  # type: ignore[attr-defined]
-        return function
-    from numba import njit
-
-    return cast(Callable[P_, R_], njit(cache=True, error_model="numpy")(function))
 
 
 @compiled

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
+from flightbed.compiling import Array, compiled
 from flightbed.estimation import kernels, pitch_model
 from flightbed.estimation.base import OnBoard
+from flightbed.estimation.kernels import Found
 from flightbed.signals import Estimate, Measurement
 from flightbed.units import DEG
-
-Array = npt.NDArray[np.float64]
-
 
 _new = tuple.__new__
 _BEGIN = MappingProxyType({"fixed": kernels.FIXED, "measurement": kernels.ANCHORED, "corrected": kernels.CORRECTED})
@@ -70,6 +68,26 @@ class LoopGainConfig:
     prior_q_var: float = DEG**2
     prior_effectiveness: float = 1.0
     prior_effectiveness_var: float = 0.63**2
+
+
+@compiled
+def observe(bank: Array, settings: Array, schedule: Array, wiring: Array, then: Array, now: Array, k: int) -> Found:
+    """Take the readings of tick k, in arrays; what ``LoopGain.update`` does, for callers that are compiled themselves.
+
+    Args:
+        bank, settings, schedule, wiring: as ``LoopGain.packed`` gives them; the first two change.
+        then, now: the fields of the Measurement at the tick before and at this one; at tick 0 both are this one's.
+
+    """
+    dt, alpha_trim, offset, field = wiring[0], wiring[1], wiring[2], int(wiring[3])
+    elevator = now[field]
+    if wiring[4] > 0.0:
+        elevator = then[field] if k > 0 else 0.0
+    if schedule.size == 0:
+        return kernels.tick(bank, settings, elevator - offset, now[0] - alpha_trim, now[1], k)
+    return pitch_model.tick(
+        bank, settings, schedule, dt, elevator, now[0], now[1], then[0], then[1], then[4], then[5], then[6], then[7], k
+    )
 
 
 class LoopGain:
@@ -168,3 +186,9 @@ class LoopGain:
                 tick,
             )
         return _new(Estimate, found)
+
+    def packed(self) -> tuple[Array, Array, Array, Array]:
+        """Return copies of what ``observe`` takes: bank, settings, schedule (empty without one), wiring."""
+        schedule = np.zeros(0) if self._schedule is None else self._schedule.copy()
+        wiring = [self._dt, self._alpha_trim, self._input_offset, float(self._input), float(self._at_start)]
+        return self._bank.copy(), self._settings.copy(), schedule, np.array(wiring)

@@ -6,7 +6,8 @@ from math import cos, exp, pi, sin, sqrt
 
 import numpy as np
 
-from flightbed.estimation.kernels import Array, Found, compiled
+from flightbed.compiling import Array, compiled
+from flightbed.estimation.kernels import Found
 from flightbed.estimation.kernels import tick as advance
 from flightbed.units import G0
 

@@ -12,12 +12,14 @@ falls when the prediction error is large (Fortescue, Kershenbaum and Ydstie, Aut
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import nan, sqrt
 
 import numpy as np
 
+from flightbed.compiling import Array, compiled
 from flightbed.estimation import pitch_model
 from flightbed.estimation.base import OnBoard
+from flightbed.estimation.kernels import Found
 from flightbed.signals import Estimate, Measurement
 
 
@@ -43,6 +45,63 @@ class RlsConfig:
     prior_effectiveness_var: float = 0.63**2
 
 
+@compiled
+def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) -> Found:
+    """Take the readings of tick k; returns the fields of an Estimate.
+
+    Args:
+        state: of DifferentiatedRls: two last pitch rates; outputs of the filters, q'_f, model_f and control_f, their last two values
+            each; last two inputs model and control; K, its variance, smoothed K; room.
+        settings: of DifferentiatedRls.
+        schedule: ``Schedule.packed()``, or empty: then the short period is the model.
+        now: the fields of the Measurement.
+
+    """
+    alpha, q, elevator = now[0], now[1], now[2]
+    a1, a2, low, slope, expected, kept, forgetting = (
+        settings[0], settings[1], settings[2], settings[3], settings[4], settings[5], settings[6],
+    )  # fmt: skip
+    smoothed = state[14]
+    # The acceleration that the airframe has of itself, and what a fully effective elevator adds.
+    if schedule.size == 0:
+        model = settings[11] * (alpha - settings[14]) + settings[12] * q - settings[13] * settings[15]
+        control = settings[13] * elevator
+    else:
+        here, there = state[15:23].reshape((2, 4)), state[23:31].reshape((2, 4))
+        pitch_model.rates(schedule, here, alpha, q, 0.0, now[4], now[5], now[6], now[7])
+        pitch_model.rates(schedule, there, alpha, q, smoothed * elevator, now[4], now[5], now[6], now[7])
+        model = here[1, 0]
+        control = (there[1, 0] - here[1, 0]) / (smoothed if smoothed > 1e-6 else 1.0)
+    if k == 0:  # settled where the flight begins
+        state[0], state[1], state[2], state[3] = q, q, 0.0, 0.0
+        state[4], state[5], state[8], state[9] = model, model, model, model
+        state[6], state[7], state[10], state[11] = control, control, control, control
+    slope_f = slope * (q - state[1]) - a1 * state[2] - a2 * state[3]
+    model_f = low * (model + 2.0 * state[8] + state[9]) - a1 * state[4] - a2 * state[5]
+    control_f = low * (control + 2.0 * state[10] + state[11]) - a1 * state[6] - a2 * state[7]
+    state[3], state[2], state[5], state[4], state[7], state[6] = (
+        state[2],
+        slope_f,
+        state[4],
+        model_f,
+        state[6],
+        control_f,
+    )
+    state[1], state[0], state[9], state[8], state[11], state[10] = state[0], q, state[8], model, state[10], control
+
+    gain, variance = state[12], state[13]
+    error = slope_f - model_f - control_f * gain
+    innovation = expected + control_f * control_f * variance
+    step = variance * control_f / innovation
+    gain += step * error
+    keep = min(1.0, max(forgetting, 1.0 - (1.0 - step * control_f) * error * error / kept))
+    variance = min(variance * (1.0 - step * control_f) / keep, settings[10])
+    bounded = min(max(gain, settings[7]), settings[8])
+    smoothed = settings[9] * smoothed + (1.0 - settings[9]) * bounded
+    state[12], state[13], state[14] = gain, variance, smoothed
+    return bounded, sqrt(variance), smoothed, gain, alpha, q, error * error / innovation, 0.0, nan, nan, nan, nan
+
+
 class DifferentiatedRls:
     """Scalar least squares for K on filtered pitch acceleration; an Estimator.
 
@@ -63,77 +122,43 @@ class DifferentiatedRls:
     def __init__(self, config: RlsConfig, onboard: OnBoard) -> None:
         if config.scheduled and onboard.schedule is None:
             raise ValueError("the estimator's model is the schedule, but there is none on board")
-        self._config, self._design, self._dt = config, onboard.design, 1.0 / onboard.control_hz
-        self._schedule = onboard.schedule.packed() if config.scheduled and onboard.schedule else None
-        w, z, dt = config.filter_rad_s, config.filter_damping, self._dt
-        # Tustin: s -> (2/dt)(1 - Z)/(1 + Z), Z the delay. Denominator and the two numerators, w^2 and w^2 s.
-        c = 2.0 / dt
-        a = np.array([c * c + 2 * z * w * c + w * w, 2 * w * w - 2 * c * c, c * c - 2 * z * w * c + w * w])
-        self._a1, self._a2 = float(a[1] / a[0]), float(a[2] / a[0])
-        self._low = w * w / float(a[0])  # times (1 + Z)^2
-        self._slope = w * w * c / float(a[0])  # times (1 - Z)(1 + Z)
+        schedule = onboard.schedule if config.scheduled else None
+        self._schedule: Array = np.zeros(0) if schedule is None else schedule.packed()
+        w, z = config.filter_rad_s, config.filter_damping
+        # Tustin: s -> (2/dt)(1 - Z)/(1 + Z), Z the delay. Denominator and the two numerators, w^2 (1 + Z)^2 and w^2 s.
+        c = 2.0 * onboard.control_hz
+        a = [c * c + 2 * z * w * c + w * w, 2 * w * w - 2 * c * c, c * c - 2 * z * w * c + w * w]
+        a1, a2, low, slope = a[1] / a[0], a[2] / a[0], w * w / a[0], w * w * c / a[0]
         impulse = [0.0, 0.0]
         gain = 0.0
         for k in range(400):
-            drive = self._slope * (1.0 if k == 0 else -1.0 if k == 2 else 0.0)
-            impulse = [drive - self._a1 * impulse[0] - self._a2 * impulse[1], impulse[0]]
+            drive = slope * (1.0 if k == 0 else -1.0 if k == 2 else 0.0)
+            impulse = [drive - a1 * impulse[0] - a2 * impulse[1], impulse[0]]
             gain += impulse[0] ** 2
-        self._expected = gain * onboard.noise.q_rad_s**2  # variance of the differentiated pitch rate
-        # Fortescue's sum of squared errors that is kept: as many as the slowest memory holds.
-        self._kept = self._expected / (1.0 - 0.995)
-        self._q: list[float] | None = None
-        self._held = np.zeros((3, 2))  # outputs: q'_f, model_f, control_f; their last two values
-        self._model, self._control = [0.0, 0.0], [0.0, 0.0]
-        self._gain, self._variance = config.prior_effectiveness, config.prior_effectiveness_var
-        self._smoothed = 1.0
-        if self._schedule is not None:  # compile, or load what was compiled, now and not in flight
-            pitch_model.rates(self._schedule, np.empty((2, 4)), 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
-
-    def _terms(self, m: Measurement) -> tuple[float, float]:
-        """Return the acceleration that the airframe has of itself, and what a fully effective elevator adds; rad/s^2."""
-        if self._schedule is None:
-            d = self._design
-            own = d.A[1, 0] * (m.alpha_rad - d.alpha_trim_rad) + d.A[1, 1] * m.q_rad_s - d.b[1] * d.elevator_trim_rad
-            return float(own), float(d.b[1] * m.elevator_rad)
-        here, there = np.empty((2, 4)), np.empty((2, 4))
-        where = (m.mach, m.altitude_m, m.theta_rad, m.phi_rad)
-        pitch_model.rates(self._schedule, here, m.alpha_rad, m.q_rad_s, 0.0, *where)
-        pitch_model.rates(self._schedule, there, m.alpha_rad, m.q_rad_s, self._smoothed * m.elevator_rad, *where)
-        acting = self._smoothed if self._smoothed > 1e-6 else 1.0
-        return float(here[1, 0]), float(there[1, 0] - here[1, 0]) / acting
+        expected = gain * onboard.noise.q_rad_s**2  # variance of the differentiated pitch rate
+        kept = expected / (1.0 - 0.995)  # Fortescue's sum of squared errors: as many as the slowest memory holds
+        design = onboard.design
+        self._settings = np.array(
+            [
+                a1, a2, low, slope, expected, kept, config.forgetting, *config.bounds, config.smoothing,
+                config.prior_effectiveness_var, design.A[1, 0], design.A[1, 1], design.b[1],
+                design.alpha_trim_rad, design.elevator_trim_rad,
+            ]
+        )  # fmt: skip
+        self._state = np.zeros(31)
+        self._state[12:15] = config.prior_effectiveness, config.prior_effectiveness_var, 1.0
+        self._tick = 0
+        # Compile, or load what was compiled, now and not in flight; tick 0 starts all anew.
+        observe(
+            self._state.copy(), self._settings, self._schedule, np.array([0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0]), 0
+        )
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
-        config = self._config
-        model, control = self._terms(measurement)
-        if self._q is None:  # settled where the flight begins
-            self._q = [measurement.q_rad_s] * 2
-            self._model, self._control = [model] * 2, [control] * 2
-            self._held = np.array([[0.0, 0.0], [model, model], [control, control]])
-        drive = np.array(
-            [
-                self._slope * (measurement.q_rad_s - self._q[1]),
-                self._low * (model + 2.0 * self._model[0] + self._model[1]),
-                self._low * (control + 2.0 * self._control[0] + self._control[1]),
-            ]
-        )
-        filtered = drive - self._a1 * self._held[:, 0] - self._a2 * self._held[:, 1]
-        self._held = np.column_stack([filtered, self._held[:, 0]])
-        self._q = [measurement.q_rad_s, self._q[0]]
-        self._model, self._control = [model, self._model[0]], [control, self._control[0]]
+        found = observe(self._state, self._settings, self._schedule, np.array(measurement), self._tick)
+        self._tick += 1
+        return Estimate(*found)
 
-        target, regressor = float(filtered[0] - filtered[1]), float(filtered[2])
-        error = target - regressor * self._gain
-        innovation = self._expected + regressor * regressor * self._variance
-        step = self._variance * regressor / innovation
-        self._gain += step * error
-        variance = self._variance * (1.0 - step * regressor)
-        keep = 1.0 - (1.0 - step * regressor) * error * error / self._kept
-        keep = min(1.0, max(config.forgetting, keep))
-        self._variance = min(variance / keep, config.prior_effectiveness_var)
-        bounded = min(max(self._gain, config.bounds[0]), config.bounds[1])
-        self._smoothed = config.smoothing * self._smoothed + (1.0 - config.smoothing) * bounded
-        return Estimate(
-            bounded, sqrt(self._variance), self._smoothed, self._gain, measurement.alpha_rad, measurement.q_rad_s,
-            error * error / innovation,
-        )  # fmt: skip
+    def packed(self) -> tuple[Array, Array, Array]:
+        """Return copies of what ``observe`` takes: state, settings, schedule."""
+        return self._state.copy(), self._settings.copy(), self._schedule.copy()

@@ -14,7 +14,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from functools import cache
-from math import cos, pi
+from math import cos
 from operator import call
 from pathlib import Path
 from types import MappingProxyType
@@ -27,10 +27,11 @@ import jsbsim
 from flightbed.aircraft import Aircraft
 from flightbed.errors import AircraftError, UnknownNameError
 from flightbed.gusts import Gusts, calm
+from flightbed.plant.properties import READ, plain_fields
 from flightbed.signals import HEALTHY, Health, Truth
 from flightbed.stock import StockAircraft, engine_names, read_stock, references
 from flightbed.tables import breakpoints
-from flightbed.units import FT, INCH, LB, LBF
+from flightbed.units import FT, INCH, LB
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
 _BREEZE_FPS = 1e-6
@@ -259,6 +260,10 @@ class JsbsimPlant:
         gusts: vertical speed of the air over time, m/s, up positive; it does not enter the trim either.
         fuel_kg: fuel more than the model's file says, spread over the tanks in proportion; the trim does not know of it.
 
+    Attributes:
+        getters, origin: what ``properties.fields`` is of: read JSBSim now; where the flight began.
+        elevator_mean_rad, gust_up_m_s: the fields of Truth that are not read there.
+
     """
 
     def __init__(
@@ -303,32 +308,13 @@ class JsbsimPlant:
             fdm.set("atmosphere/turb-type", _TURBULENCE_MODEL)
         self._run = fdm.exec.run
         self._elevator = fdm.getter(aircraft.properties["elevator_rad"])
-        self._get = tuple(
-            fdm.getter(p)
-            for p in (
-                "aero/alpha-rad",
-                "velocities/q-rad_sec",
-                "attitude/theta-rad",
-                "attitude/phi-rad",
-                "attitude/psi-rad",
-                "velocities/vt-fps",
-                "velocities/mach",
-                "position/h-sl-ft",
-                "position/lat-gc-rad",
-                "position/long-gc-rad",
-                "accelerations/Nz",
-                "forces/fwz-aero-lbs",
-                "forces/fwx-aero-lbs",
-                "forces/fbx-prop-lbs",
-                aircraft.properties["elevator_rad"],
-            )
-        )
-        self._latitude, self._longitude = self._get[8](), self._get[9]()
-        self._north_m = fdm.getter("position/radius-to-vehicle-ft")() * FT  # per rad of latitude
-        self._east_m = self._north_m * cos(self._latitude)
-        self._mean_elevator = self._elevator()
+        self.getters = tuple(fdm.getter(p) for p in (*READ, aircraft.properties["elevator_rad"]))
+        latitude, longitude = fdm.getter("position/lat-gc-rad")(), fdm.getter("position/long-gc-rad")()
+        north_m = fdm.getter("position/radius-to-vehicle-ft")() * FT  # per rad of latitude
+        self.origin = latitude, longitude, north_m, north_m * cos(latitude)
+        self.elevator_mean_rad = self._elevator()
         self._gusts, self._gust_down = gusts, fdm.setter("atmosphere/gust-down-fps")
-        self._frames, self._gust_m_s = 0, 0.0
+        self._frames, self.gust_up_m_s = 0, 0.0
 
     def _become(self, health: Health) -> None:
         """Make this what is left of the aircraft: JSBSim's accelerations show it from the end of the next frame on."""
@@ -340,20 +326,16 @@ class JsbsimPlant:
     def _blow(self) -> None:
         """Set the gust of the frame to come: JSBSim first moves the aircraft, then computes alpha and accelerations, at the frame's end."""
         self._frames += 1
-        self._gust_m_s = self._gusts(self._frames / self._plant_hz)
-        self._gust_down(-self._gust_m_s / FT)
+        self.gust_up_m_s = self._gusts(self._frames / self._plant_hz)
+        self._gust_down(-self.gust_up_m_s / FT)
 
     def sense(self, health: Health = HEALTHY) -> Truth:
         """Return the truth at the present tick; the health is what is left from now on."""
-        (
-            alpha, q, theta, phi, psi, airspeed, mach, altitude, latitude, longitude, nz, lift, drag, thrust, elevator,
-        ) = map(call, self._get)  # fmt: skip
         # Made without its constructor: twenty arguments by position cost as much as four of the properties.
-        return _new(Truth, (
-            alpha, q, theta, phi, psi - 2.0 * pi if psi > pi else psi, airspeed * FT, mach, altitude * FT,
-            (latitude - self._latitude) * self._north_m, (longitude - self._longitude) * self._east_m,
-            nz, elevator, self._mean_elevator, *health, self._gust_m_s, lift * LBF, drag * LBF, thrust * LBF,
-        ))  # fmt: skip
+        return _new(
+            Truth,
+            plain_fields(*self.origin, *map(call, self.getters), self.elevator_mean_rad, *health, self.gust_up_m_s),
+        )
 
     def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
         """Fly one control period with the command held and this left of the aircraft.
@@ -380,4 +362,4 @@ class JsbsimPlant:
             self._blow()
         total += elevator()
         run()
-        self._mean_elevator = total / self._substeps
+        self.elevator_mean_rad = total / self._substeps

@@ -1,0 +1,49 @@
+"""The JSBSim properties that make a Truth, and how they do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import pi
+
+from flightbed.compiling import compiled, plain
+from flightbed.units import FT, LBF
+
+# One for each field of Truth up to nz_g; then the forces and, last, the elevator, whose property the aircraft names.
+READ = (
+    "aero/alpha-rad",
+    "velocities/q-rad_sec",
+    "attitude/theta-rad",
+    "attitude/phi-rad",
+    "attitude/psi-rad",
+    "velocities/vt-fps",
+    "velocities/mach",
+    "position/h-sl-ft",
+    "position/lat-gc-rad",
+    "position/long-gc-rad",
+    "accelerations/Nz",
+    "forces/fwz-aero-lbs",
+    "forces/fwx-aero-lbs",
+    "forces/fbx-prop-lbs",
+)
+Fields = tuple[
+    float, float, float, float, float, float, float, float, float, float,
+    float, float, float, float, float, float, float, float, float, float,
+]  # fmt: skip
+
+
+@compiled
+def fields(
+    latitude_0: float, longitude_0: float, north_m: float, east_m: float,
+    alpha: float, q: float, theta: float, phi: float, psi: float, airspeed_fps: float, mach: float, altitude_ft: float,
+    latitude: float, longitude: float, nz: float, lift_lbs: float, drag_lbs: float, thrust_lbs: float, elevator: float,
+    elevator_mean: float, effectiveness: float, elevator_force: float, cg_shift: float, gust_up_m_s: float,
+) -> Fields:  # fmt: skip
+    """Return the fields of a Truth, of where the flight began (with m per rad of latitude and longitude there) and what is read."""
+    return (
+        alpha, q, theta, phi, psi - 2.0 * pi if psi > pi else psi, airspeed_fps * FT, mach, altitude_ft * FT,
+        (latitude - latitude_0) * north_m, (longitude - longitude_0) * east_m, nz, elevator, elevator_mean,
+        effectiveness, elevator_force, cg_shift, gust_up_m_s, lift_lbs * LBF, drag_lbs * LBF, thrust_lbs * LBF,
+    )  # fmt: skip
+
+
+plain_fields: Callable[..., Fields] = plain(fields)

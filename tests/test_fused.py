@@ -1,0 +1,131 @@
+"""Whole flights in compiled code against loop.fly: the same rows to the last bit, whatever the parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import nan
+
+import numpy as np
+import pytest
+
+from flightbed import data
+from flightbed.assembly import assemble
+from flightbed.control.proportional import Proportional
+from flightbed.errors import EstimateError
+from flightbed.estimation.loop_gain import LoopGain
+from flightbed.fused import rows_of
+from flightbed.loop import Flight, fly
+from flightbed.mission import run
+from flightbed.plan import plan
+from flightbed.scenario import load_scenario
+from flightbed.sensors import Sensors
+from flightbed.signals import Estimate, Measurement, Truth
+from flightbed.trace import Trace, collect, from_rows
+
+RLS = ['estimators.1={name="rls", kind="differentiated-rls"}']
+
+
+def _both(scenario: str, settings: Sequence[str] = ()) -> tuple[Trace, Trace]:
+    planned = plan(load_scenario(scenario, settings))
+    names, hz = [e.name for e in planned.scenario.estimators], planned.scenario.rates.control_hz
+    rows = rows_of(assemble(planned))
+    assert rows is not None
+    return (
+        from_rows(rows, estimators=names, control_hz=hz),
+        collect(fly(assemble(planned)), estimators=names, control_hz=hz),
+    )
+
+
+def _assert_equal(one: Trace, other: Trace) -> None:
+    assert list(one.columns) == list(other.columns)
+    for name in one.columns:
+        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+
+
+@pytest.mark.parametrize("name", [*data.names("scenario")])
+def test_shipped_scenarios_are_the_same_both_ways(name: str) -> None:
+    _assert_equal(*_both(name))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ["control.law=proportional-integral", "failures.0.to=0.1"],  # integral, held at the stops
+        ["adaptation.estimator=expanding", "adaptation.caution=2.0"],
+        ["adaptation.oracle=true", "adaptation.feedback=position"],
+        ["adaptation.limit_command=true", "failures.0.to=0.12", "command.amplitude_deg_s=12"],
+        ["control.state_from=scheduled", "rates.delay_ticks=2"],
+        ["adaptation.enabled=false", "failures.0.to=0.05"],  # departs
+        [*RLS, "adaptation.estimator=rls", "estimators.0.input_at=start", "estimators.0.model=short-period"],
+        [*RLS, "estimators.1.model=short-period", "sensors.mach_error=0.03", "sensors.mach_std=0.002"],
+        ["estimators.0.alarm_threshold=30", "estimators.0.follow_disturbances=true", "estimators.0.hold_std=0.05",
+         "atmosphere.turbulence=moderate", "rates.plant_hz=100"],
+        ["failures.0.kind=ramp", "failures.0.over_s=3", "estimators.1.memory=fading",
+         'gusts=[{at_s=2, up_fps=20, rise_s=0.5, hold_s=1}]', "rates.plant_hz=400"],
+    ],
+)  # fmt: skip
+def test_every_setting_of_the_parts_is_the_same_both_ways(settings: list[str]) -> None:
+    compiled, plain = _both("elevator-loss", [*settings, "duration_s=8", "seed=3"])
+    assert 100 < len(compiled) <= 800
+    _assert_equal(compiled, plain)
+
+
+def test_what_mission_flies_is_that(tmp_path: object) -> None:
+    scenario = load_scenario("elevator-loss", ["duration_s=6"])
+    flown = run(scenario).trace
+    names = [e.name for e in scenario.estimators]
+    plain = collect(fly(assemble(plan(scenario))), estimators=names, control_hz=100)
+    for name in plain.columns:
+        np.testing.assert_array_equal(flown[name], plain[name], err_msg=name)
+
+
+def _flight(*settings: str) -> Flight:
+    return assemble(plan(load_scenario("elevator-loss", ["duration_s=5", *settings])))
+
+
+class _OwnLaw(Proportional):
+    def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:
+        return 0.5 * super().demand(measurement, q_ref_rad_s=q_ref_rad_s, elevator_rad=elevator_rad, hold=hold)
+
+
+class _OwnEstimator(LoopGain):
+    def update(self, measurement: Measurement) -> Estimate:
+        return super().update(measurement)._replace(effectiveness_smoothed=1.0)
+
+
+class _OwnSensors(Sensors):
+    def read(self, tick: int, truth: Truth) -> Measurement:
+        return super().read(tick, truth)._replace(q_rad_s=0.0)
+
+
+def test_what_is_derived_from_the_house_is_left_to_fly() -> None:
+    flight = _flight()
+    law, estimator, sensors = flight.law, flight.estimators[0], flight.sensors
+    assert isinstance(law, Proportional)
+    own_law = _OwnLaw(law.gains, alpha_trim_rad=law.alpha_trim_rad, elevator_trim_rad=law.elevator_trim_rad)
+    own_estimator = _OwnEstimator.__new__(_OwnEstimator)
+    own_estimator.__dict__.update(vars(estimator))
+    own_sensors = _OwnSensors.__new__(_OwnSensors)
+    own_sensors.__dict__.update(vars(sensors))
+    assert rows_of(replace(flight, law=own_law)) is None
+    assert rows_of(replace(flight, estimators=[own_estimator, flight.estimators[1]])) is None
+    assert rows_of(replace(flight, sensors=own_sensors)) is None
+    assert rows_of(flight) is not None
+
+
+def test_a_smoothed_k_that_is_no_number_is_the_same_error_both_ways() -> None:
+    def broken() -> Flight:
+        flight = _flight()
+        estimator = flight.estimators[0]
+        assert isinstance(estimator, LoopGain)
+        estimator._settings[18] = nan  # the smoother's share
+        return flight
+
+    messages = []
+    for way in (rows_of, lambda flight: list(fly(flight))):
+        with pytest.raises(EstimateError) as raised:
+            way(broken())
+        messages.append(str(raised.value))
+    assert messages[0] == messages[1]
+    assert "estimators.0: its smoothed K is nan at tick " in messages[0]
