@@ -10,6 +10,7 @@ arithmetic on it.
 from __future__ import annotations
 
 from collections import deque
+from functools import cache
 from math import isfinite, nan
 from operator import call
 from struct import Struct
@@ -125,6 +126,14 @@ def _tick(store: Array, k: int) -> float:
     if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth[1]) or truth[7] < store[_GROUND]:
         return nan
     return command
+
+
+@cache
+def ready() -> None:
+    """Compile, or load what was compiled, now and not in the time of a flight."""
+    store = np.zeros(_BLOCKS + 7 + row_width(0))
+    store[_WIDTH], store[_ERRORS], store[_ROWS] = row_width(0), _BLOCKS, _BLOCKS + 7
+    _tick(store, 0)
 
 
 def rows_of(flight: Flight) -> Array | None:

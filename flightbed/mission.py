@@ -22,7 +22,7 @@ from flightbed.errors import ExtensionError
 from flightbed.excitation import with_excitation
 from flightbed.extension import named_by
 from flightbed.folder import check_target, shown, write_run
-from flightbed.fused import rows_of
+from flightbed.fused import ready, rows_of
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.live import Live
 from flightbed.loop import Flight
@@ -98,6 +98,7 @@ def run(
     try:
         if live is not None:
             live.start(Shown.of(planned, readings=_readings(flight, scenario)))
+        ready()
         began = time.perf_counter()
         trace = _collected(flight, scenario, pace, live)
         wall = time.perf_counter() - began
