@@ -57,7 +57,7 @@ class Aircraft:
         stock_sha256: hash that the stock model must have.
         actuator: the elevator's actuator.
         limits: bounds for trim.
-        lateral: stops of aileron and rudder, rad, for an overlay that takes their positions directly; else empty.
+        lateral: actuators of aileron and rudder, for an overlay whose roll and yaw channels can be taken over; else empty.
         properties: harness name -> JSBSim property.
         edits: the edits, in order.
         snippets: file name -> text with ``$names`` filled in.
@@ -70,7 +70,7 @@ class Aircraft:
     stock_sha256: str
     actuator: Actuator
     limits: Limits
-    lateral: Mapping[str, tuple[float, float]]
+    lateral: Mapping[str, Actuator]
     properties: Mapping[str, str]
     edits: tuple[Mapping[str, Any], ...]
     snippets: Mapping[str, str]
@@ -105,10 +105,12 @@ class Aircraft:
     def references(self) -> list[tuple[str, str]]:
         """Return (file, property) for every property that the snippets refer to."""
         return [
-            (file, text.removeprefix("-"))
+            (file, word.removeprefix("-"))
             for file, snippet in self.snippets.items()
             for element in ET.fromstring(snippet).iter()
-            if "/" in (text := (element.text or "").strip())
+            for text in (element.text, element.get("value"))
+            for word in (text or "").split()[:1]  # a test is a property, an operator and a value
+            if "/" in word
         ]
 
     @cached_property
@@ -144,10 +146,10 @@ def load_aircraft(name: str) -> Aircraft:
                 f"{path}: is a linear model already: it can be flown (flightbed run), not trimmed or linearized"
             )
         _check(raw, path)
-        elevator = raw["elevator"]
-        numbers = {key: float(value) for key, value in elevator.items()}
-        numbers |= {key.replace("_deg", "_rad"): value * DEG for key, value in numbers.items() if "_deg" in key}
-        fill = {key: repr(value) for key, value in numbers.items()}
+        numbers = {name: _in_rad(raw[name]) for name in ("elevator", *_LATERAL) if name in raw}
+        fill = {key: repr(value) for key, value in numbers["elevator"].items()}
+        fill |= {f"{name}_{key}": repr(v) for name, found in numbers.items() for key, v in found.items()}
+        actuators = {name: Actuator(*(found[k] for k in _ACTUATOR)) for name, found in numbers.items()}
         edits = tuple(filled(edit, fill) for edit in raw["edits"])
         snippets = {
             edit["with"]: Template((folder / Path(edit["with"]).name).read_text(encoding="utf-8")).substitute(fill)
@@ -160,11 +162,9 @@ def load_aircraft(name: str) -> Aircraft:
             description=raw["description"],
             stock_file=raw["stock"]["file"],
             stock_sha256=raw["stock"]["sha256"],
-            actuator=Actuator(*(numbers[k] for k in ("lag_rad_s", "rate_limit_rad_s", "min_rad", "max_rad"))),
+            actuator=actuators["elevator"],
             limits=Limits((alpha[0] * DEG, alpha[1] * DEG), (throttle[0], throttle[1])),
-            lateral={
-                name: (raw[name]["min_deg"] * DEG, raw[name]["max_deg"] * DEG) for name in _LATERAL if name in raw
-            },
+            lateral={name: actuators[name] for name in _LATERAL if name in actuators},
             properties=raw["properties"],
             edits=edits,
             snippets=snippets,
@@ -177,6 +177,15 @@ def load_aircraft(name: str) -> Aircraft:
         raise AircraftError(f"{path}: {error}") from None
 
 
+_ACTUATOR = ("lag_rad_s", "rate_limit_rad_s", "min_rad", "max_rad")
+
+
+def _in_rad(table: Mapping[str, Any]) -> dict[str, float]:
+    """Return the numbers of an actuator, those in degrees also in radians."""
+    numbers = {key: float(value) for key, value in table.items()}
+    return numbers | {key.replace("_deg", "_rad"): value * DEG for key, value in numbers.items() if "_deg" in key}
+
+
 _KEYS = {
     "": {"schema", "name", "description", "stock", "elevator", "limits", "properties", "edits"},
     "stock": {"file", "sha256"},
@@ -184,9 +193,16 @@ _KEYS = {
     "limits": {"alpha_deg", "throttle_norm"},
     "properties": {"elevator_cmd_rad", "elevator_rad", "effectiveness", "elevator_force", "throttle_norm"},
 }
-# An overlay may leave these out: then aileron and rudder are commands to the stock control laws.
+# An overlay may leave these out: then aileron and rudder are the stock control laws'.
 _LATERAL = ("aileron", "rudder")
-_LATERAL_PROPERTIES = {"aileron_cmd_rad", "rudder_cmd_rad", "lateral_direct"}
+_LATERAL_PROPERTIES = {
+    "lateral_direct",
+    *(f"{surface}_{what}" for surface in _LATERAL for what in ("cmd_rad", "rad", "effectiveness")),
+}
+# What failures of the actuator work on; an overlay without them does not have those failures.
+_FAULT_PROPERTIES = {
+    f"{surface}_{what}" for surface in ("elevator", *_LATERAL) for what in ("offset_rad", "rate_limit_rad_s", "stuck")
+}
 
 
 def _check(raw: Mapping[str, Any], path: Path) -> None:
@@ -194,23 +210,28 @@ def _check(raw: Mapping[str, Any], path: Path) -> None:
     for table, known in _KEYS.items():
         found = raw if not table else raw.get(table, {})
         dot = f"{table}." if table else ""
-        more = set(_LATERAL) if not table else _LATERAL_PROPERTIES if table == "properties" else set()
+        more = (
+            set(_LATERAL) if not table else _LATERAL_PROPERTIES | _FAULT_PROPERTIES if table == "properties" else set()
+        )
         for key in sorted(set(found) - known - more):
             raise AircraftError(f"{path}: unknown key {dot}{key}{did_you_mean(key, known)}")
         for key in sorted(known - set(found)):
             raise AircraftError(f"{path}: {dot}{key} is missing")
-    elevator, limits = raw["elevator"], raw["limits"]
+    limits, surfaces = raw["limits"], [name for name in ("elevator", *_LATERAL) if name in raw]
     given = [n in raw for n in _LATERAL] + [n in raw["properties"] for n in sorted(_LATERAL_PROPERTIES)]
     if any(given) and not all(given):
         raise AircraftError(
             f"{path}: [aileron], [rudder] and properties {', '.join(sorted(_LATERAL_PROPERTIES))} go together: give all or none"
         )
-    for key in ("lag_rad_s", "rate_limit_deg_s"):
-        if not elevator[key] > 0:
-            raise AircraftError(f"{path}: elevator.{key}: must be above 0 (got {elevator[key]})")
+    for name in surfaces:
+        for key in sorted(set(raw[name]) ^ _KEYS["elevator"]):
+            problem = "is missing" if key in _KEYS["elevator"] else f"is unknown{did_you_mean(key, _KEYS['elevator'])}"
+            raise AircraftError(f"{path}: {name}.{key} {problem}")
+        for key in ("lag_rad_s", "rate_limit_deg_s"):
+            if not raw[name][key] > 0:
+                raise AircraftError(f"{path}: {name}.{key}: must be above 0 (got {raw[name][key]})")
     for place, (low, high) in {
-        "elevator.min_deg, max_deg": (elevator["min_deg"], elevator["max_deg"]),
-        **{f"{n}.min_deg, max_deg": (raw[n]["min_deg"], raw[n]["max_deg"]) for n in _LATERAL if n in raw},
+        **{f"{n}.min_deg, max_deg": (raw[n]["min_deg"], raw[n]["max_deg"]) for n in surfaces},
         "limits.alpha_deg": limits["alpha_deg"],
         "limits.throttle_norm": limits["throttle_norm"],
     }.items():

@@ -16,8 +16,8 @@ from flightbed.linear_aircraft import LinearAircraft
 from flightbed.loop import Flight
 from flightbed.plan import Plan, law_of
 from flightbed.plant.base import Plant
-from flightbed.plant.jsbsim import JsbsimPlant, Start
 from flightbed.plant.linear import LinearPlant
+from flightbed.plant.nonlinear import JsbsimPlant, Start
 from flightbed.sensors import SensorErrors, SensorNoise, Sensors
 from flightbed.settings import ModelError, Scenario
 from flightbed.signals import Health

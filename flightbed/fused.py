@@ -29,7 +29,7 @@ from flightbed.estimation.loop_gain import LoopGain
 from flightbed.estimation.rls import DifferentiatedRls
 from flightbed.loop import DEPARTURE_RAD, Flight, not_a_number
 from flightbed.plant import properties
-from flightbed.plant.jsbsim import JsbsimPlant
+from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.sensors import Sensors, readings
 from flightbed.signals import Estimate, Measurement, Truth
 from flightbed.trace import LEADING, row_width
@@ -62,11 +62,11 @@ def _tick(store: Array, k: int) -> float:
     if store[_READ_OUT] > 0.0:
         (
             truth[0], truth[1], truth[2], truth[3], truth[4], truth[5], truth[6], truth[7], truth[8], truth[9],
-            truth[10], truth[11], truth[12], truth[13], truth[14], truth[15], truth[16], truth[17], truth[18], truth[19],
+            truth[10], truth[11], truth[12], truth[13], truth[14], truth[15], truth[16], truth[17], truth[18], truth[19], truth[20],
         ) = properties.fields(
             store[_ORIGIN], store[_ORIGIN + 1], store[_ORIGIN + 2], store[_ORIGIN + 3],
             truth[0], truth[1], truth[2], truth[3], truth[4], truth[5], truth[6], truth[7], truth[8], truth[9],
-            truth[10], truth[11], truth[12], truth[13], truth[14], truth[15], truth[16], truth[17], truth[18], truth[19],
+            truth[10], truth[11], truth[12], truth[13], truth[14], truth[15], truth[16], truth[17], truth[18], truth[19], truth[20],
         )  # fmt: skip
     now = store[at + _READ : at + _TOLD]
     (now[0], now[1], now[2], now[3], now[4], now[5], now[6], now[7]) = readings(
@@ -157,7 +157,7 @@ def rows_of(flight: Flight) -> Array | None:
     for tick in range(ticks):
         health, following = following, health_at(tick + 1)
         if ours is not None:  # no Truth is made: the compiled code makes its fields
-            put(memory, place, *map(call, getters), ours.elevator_mean_rad, *health, ours.gust_up_m_s)
+            put(memory, place, *map(call, getters), *ours.beside(health))
         else:
             put(memory, place, *sense(health))
         place += stride

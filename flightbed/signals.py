@@ -12,6 +12,30 @@ from math import nan
 from typing import NamedTuple
 
 
+class Fault(NamedTuple):
+    """What is wrong between the command to a surface and the deflection that acts, beside its effectiveness.
+
+    Attributes:
+        stuck: the actuator stays where it is.
+        driven_to_rad: the actuator goes there, whatever is commanded; nan if it does as it is told.
+        floats: the surface has come off its actuator and trails in the stream; the position feedback, which is at the actuator, does not
+            show it.
+        bias_rad: deflection that acts beside the actuator's; the position feedback does not show it.
+        rate_share: share of the actuator's rate limit that is left.
+
+    """
+
+    stuck: bool = False
+    driven_to_rad: float = nan
+    floats: bool = False
+    bias_rad: float = 0.0
+    rate_share: float = 1.0
+
+
+SOUND = Fault()
+SURFACES = ("elevator", "aileron", "rudder")
+
+
 class Health(NamedTuple):
     """What is left of the aircraft at a tick: the value that failures change. The default is the aircraft as built.
 
@@ -19,12 +43,17 @@ class Health(NamedTuple):
         effectiveness: K, share of the elevator's pitching moment that still acts; scales M_delta.
         elevator_force: share of the elevator's lift and drag that still acts; scales Z_delta.
         cg_shift_cbar: how far the c.g. lies aft of where it was at take-off, mean chords.
+        aileron, rudder: share of all that the surface does that still acts.
+        faults: of the actuators of elevator, aileron and rudder.
 
     """
 
     effectiveness: float = 1.0
     elevator_force: float = 1.0
     cg_shift_cbar: float = 0.0
+    aileron: float = 1.0
+    rudder: float = 1.0
+    faults: tuple[Fault, Fault, Fault] = (SOUND, SOUND, SOUND)
 
 
 HEALTHY = Health()
@@ -39,6 +68,7 @@ class Truth(NamedTuple):
         gust_up_m_s: vertical speed of the air in the scenario's gusts, up positive; alpha and airspeed include it.
         lift_n, drag_n, thrust_n: aerodynamic force up and aft, in wind axes, and of the engines along the fuselage; nan if the plant has
             no forces.
+        elevator_offset_rad: deflection that acts beside effectiveness x elevator, of a surface that is biased or floats.
 
     """
 
@@ -62,6 +92,56 @@ class Truth(NamedTuple):
     lift_n: float = nan
     drag_n: float = nan
     thrust_n: float = nan
+    elevator_offset_rad: float = 0.0
+
+
+class LateralTruth(NamedTuple):
+    """What the plant knows of roll and yaw, in a flight whose aileron and rudder are commanded.
+
+    Attributes:
+        beta_rad: sideslip, positive when the air comes from the right.
+        p_rad_s, r_rad_s: roll rate, right wing down positive; yaw rate, nose right positive.
+        aileron_rad, rudder_rad: positions of the actuators; the _mean_ over the control period that ends at this tick.
+        aileron_effectiveness, rudder_effectiveness, aileron_offset_rad, rudder_offset_rad: as for the elevator.
+
+    """
+
+    beta_rad: float
+    p_rad_s: float
+    r_rad_s: float
+    aileron_rad: float
+    rudder_rad: float
+    aileron_mean_rad: float
+    rudder_mean_rad: float
+    aileron_effectiveness: float = 1.0
+    rudder_effectiveness: float = 1.0
+    aileron_offset_rad: float = 0.0
+    rudder_offset_rad: float = 0.0
+
+
+class LateralMeasurement(NamedTuple):
+    """What the flight computer knows of roll and yaw: fields as in LateralTruth, read."""
+
+    beta_rad: float
+    p_rad_s: float
+    r_rad_s: float
+    aileron_rad: float
+    rudder_rad: float
+    aileron_mean_rad: float
+    rudder_mean_rad: float
+
+
+class LateralSample(NamedTuple):
+    """Roll and yaw at one control tick."""
+
+    p_cmd_rad_s: float
+    p_ref_rad_s: float
+    beta_cmd_rad: float
+    beta_ref_rad: float
+    truth: LateralTruth
+    measurement: LateralMeasurement
+    aileron_cmd_rad: float = nan
+    rudder_cmd_rad: float = nan
 
 
 class Measurement(NamedTuple):
@@ -117,7 +197,7 @@ class Estimate(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """All of one control tick, as the recorder sees it."""
+    """All of one control tick, as the recorder sees it; ``lateral`` only in a flight whose aileron and rudder are commanded."""
 
     tick: int
     q_cmd_rad_s: float
@@ -126,3 +206,4 @@ class Sample(NamedTuple):
     measurement: Measurement
     estimates: tuple[Estimate, ...]
     elevator_cmd_rad: float
+    lateral: LateralSample | None = None

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.errors import OutputError
-from flightbed.signals import Estimate, Measurement, Sample, Truth
+from flightbed.signals import Estimate, LateralMeasurement, LateralSample, LateralTruth, Measurement, Sample, Truth
 from flightbed.units import DEG, FT, unit_of
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ _TRUTH = {
     "elevator_force_true": ("elevator_force", 1.0),
     "cg_shift_cbar": ("cg_shift_cbar", 1.0),
     "gust_up_fps": ("gust_up_m_s", 1 / FT),
+    "elevator_offset_deg": ("elevator_offset_rad", 1 / DEG),
     "lift_n": ("lift_n", 1.0),
     "drag_n": ("drag_n", 1.0),
     "thrust_n": ("thrust_n", 1.0),
@@ -73,15 +74,51 @@ _ESTIMATED = {
     "innovation_alpha_std_deg": ("innovation_alpha_std_rad", 1 / DEG),
     "innovation_q_std_deg_s": ("innovation_q_std_rad_s", 1 / DEG),
 }
+# Of a flight whose aileron and rudder are commanded, after all others.
+_LATERAL_FIELDS = (
+    *(name for name in LateralSample._fields if name not in ("truth", "measurement")),
+    *LateralTruth._fields,
+    *(f"{name}/measured" for name in LateralMeasurement._fields),
+)
+_LATERAL = {
+    "p_cmd_deg_s": ("p_cmd_rad_s", 1 / DEG),
+    "p_ref_deg_s": ("p_ref_rad_s", 1 / DEG),
+    "beta_cmd_deg": ("beta_cmd_rad", 1 / DEG),
+    "beta_ref_deg": ("beta_ref_rad", 1 / DEG),
+    "aileron_cmd_deg": ("aileron_cmd_rad", 1 / DEG),
+    "rudder_cmd_deg": ("rudder_cmd_rad", 1 / DEG),
+    "beta_deg": ("beta_rad", 1 / DEG),
+    "p_deg_s": ("p_rad_s", 1 / DEG),
+    "r_deg_s": ("r_rad_s", 1 / DEG),
+    "aileron_deg": ("aileron_rad", 1 / DEG),
+    "rudder_deg": ("rudder_rad", 1 / DEG),
+    "effectiveness_aileron_true": ("aileron_effectiveness", 1.0),
+    "effectiveness_rudder_true": ("rudder_effectiveness", 1.0),
+    "aileron_offset_deg": ("aileron_offset_rad", 1 / DEG),
+    "rudder_offset_deg": ("rudder_offset_rad", 1 / DEG),
+    "beta_meas_deg": ("beta_rad/measured", 1 / DEG),
+    "p_meas_deg_s": ("p_rad_s/measured", 1 / DEG),
+    "r_meas_deg_s": ("r_rad_s/measured", 1 / DEG),
+    "aileron_meas_deg": ("aileron_rad/measured", 1 / DEG),
+    "rudder_meas_deg": ("rudder_rad/measured", 1 / DEG),
+    "aileron_mean_meas_deg": ("aileron_mean_rad/measured", 1 / DEG),
+    "rudder_mean_meas_deg": ("rudder_mean_rad/measured", 1 / DEG),
+}
+_TRUE_SHARES = {"aileron": "effectiveness_aileron_true", "rudder": "effectiveness_rudder_true"}
+
+
+def true_share(estimate: str) -> str:
+    """Return the column of the true K that an estimate is of: ``NAME`` is the elevator's, ``NAME.aileron`` the aileron's."""
+    return _TRUE_SHARES.get(estimate.partition(".")[2], "effectiveness_true")
 
 
 _ROW = (*_FLOWN_FIELDS, *Truth._fields, *Measurement._fields)
 LEADING = len(_FLOWN_FIELDS)  # numbers of a row before the Truth, the Measurement and the Estimates
 
 
-def row_width(estimators: int) -> int:
-    """Return how many numbers a sample of a flight with so many estimators is."""
-    return len(_ROW) + estimators * len(Estimate._fields)
+def row_width(estimators: int, *, lateral: bool = False) -> int:
+    """Return how many numbers a sample of a flight with so many estimates is."""
+    return len(_ROW) + estimators * len(Estimate._fields) + (len(_LATERAL_FIELDS) if lateral else 0)
 
 
 @dataclass(frozen=True)
@@ -149,28 +186,37 @@ def read_trace(path: str | Path) -> Trace:
 
 def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz: int) -> Trace:
     """Gather the samples of a flight into a trace, as they come; no sample is kept."""
-    rows = b"".join(map(row_packer(len(estimators)), samples))
-    return from_rows(np.frombuffer(rows), estimators=estimators, control_hz=control_hz)
+    flown = iter(samples)
+    first = next(flown)
+    lateral = first.lateral is not None
+    rows = b"".join(map(row_packer(len(estimators), lateral=lateral), chain([first], flown)))
+    return from_rows(np.frombuffer(rows), estimators=estimators, control_hz=control_hz, lateral=lateral)
 
 
-def row_packer(estimators: int) -> Callable[[Sample], bytes]:
-    """Return what packs a sample of a flight with so many estimators into a row as ``from_rows`` takes it apart.
+def row_packer(estimators: int, *, lateral: bool = False) -> Callable[[Sample], bytes]:
+    """Return what packs a sample of a flight with so many estimates into a row as ``from_rows`` takes it apart.
 
     Packed at once a row costs half of what its numbers cost one by one in a list.
     """
-    pack = Struct(f"{row_width(estimators)}d").pack
+    pack = Struct(f"{row_width(estimators, lateral=lateral)}d").pack
 
     def row(sample: Sample) -> bytes:
-        tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd = sample
-        return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *chain.from_iterable(estimates))
+        tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd, more = sample
+        told = chain.from_iterable(estimates)
+        if more is None:
+            return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *told)
+        p_cmd, p_ref, beta_cmd, beta_ref, turning, read, aileron_cmd, rudder_cmd = more
+        commands = p_cmd, p_ref, beta_cmd, beta_ref, aileron_cmd, rudder_cmd
+        return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *told, *commands, *turning, *read)
 
     return row
 
 
-def from_rows(rows: Vector, *, estimators: Sequence[str], control_hz: int) -> Trace:
+def from_rows(rows: Vector, *, estimators: Sequence[str], control_hz: int, lateral: bool = False) -> Trace:
     """Return the trace of packed samples, one after the other."""
     groups = [("", _FLOWN, _FLOWN_FIELDS), ("", _TRUTH, Truth._fields), ("", _MEASURED, Measurement._fields)]
     groups += [(f"{name}.", _ESTIMATED, Estimate._fields) for name in estimators]
+    groups += [("", _LATERAL, _LATERAL_FIELDS)] if lateral else []
     rows = rows.reshape(-1, sum(len(fields) for _, _, fields in groups))
     columns: dict[str, Vector] = {"t_s": rows[:, 0] / control_hz}
     offset = 0

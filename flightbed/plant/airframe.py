@@ -163,7 +163,13 @@ class JsbsimAirframe:
         surface = "surface position; the actuator is not part of the model"
         actuator, (low, high) = aircraft.actuator, aircraft.limits.throttle_norm
         lateral = [
-            Input(name, "rad", *aircraft.lateral[name], "surface position; the stock control law is out")
+            Input(
+                name,
+                "rad",
+                aircraft.lateral[name].min_rad,
+                aircraft.lateral[name].max_rad,
+                "surface position; the stock control law is out",
+            )
             if aircraft.lateral
             else Input(name, "1", -1.0, 1.0, command)
             for name in ("aileron", "rudder")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import cos, sin
 from typing import NamedTuple, Protocol
 
-from flightbed.signals import HEALTHY, Health, Truth
+from flightbed.signals import HEALTHY, Health, LateralTruth, Truth
 
 
 class Plant(Protocol):
@@ -21,6 +21,16 @@ class Plant(Protocol):
 
         ``following`` is what is left in the period after it. Raises ValueError for damage that the plant cannot fly.
         """
+
+
+class SteeredPlant(Plant, Protocol):
+    """A plant whose aileron and rudder are commanded, too."""
+
+    def sense_lateral(self, health: Health) -> LateralTruth:
+        """Return the truth of roll and yaw at the present tick, from which on this is what is left of the aircraft."""
+
+    def steer(self, aileron_cmd_rad: float, rudder_cmd_rad: float) -> None:
+        """Command aileron and rudder for the control period that ``advance`` will fly."""
 
 
 class Motion(NamedTuple):

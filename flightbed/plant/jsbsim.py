@@ -14,11 +14,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from functools import cache
-from math import cos
-from operator import call
 from pathlib import Path
-from types import MappingProxyType
-from typing import NamedTuple
 
 os.environ.setdefault("JSBSIM_DEBUG", "0")  # before the import: the banner is printed by the constructor
 
@@ -26,19 +22,12 @@ import jsbsim
 
 from flightbed.aircraft import Aircraft
 from flightbed.errors import AircraftError, UnknownNameError
-from flightbed.gusts import Gusts, calm
-from flightbed.plant.properties import READ, plain_fields
-from flightbed.signals import HEALTHY, Health, Truth
 from flightbed.stock import StockAircraft, engine_names, read_stock, references
 from flightbed.tables import breakpoints
 from flightbed.units import FT, INCH, LB
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
-_BREEZE_FPS = 1e-6
 _REFERENCE = "metrics/aero-rp-x-in"  # of the aerodynamic moments
-_TURBULENCE_MODEL = 4  # MIL-F-8785C spectra, Tustin-discretized (JSBSim's ttTustin)
-# MIL-F-8785C: above 2000 ft JSBSim's index of the exceedance curve; below 1000 ft the wind at 20 ft, 15, 30 and 45 kt.
-_SEVERITY = MappingProxyType({"light": (3, 25.3), "moderate": (4, 50.6), "severe": (6, 75.9)})
 
 
 class _Silent(jsbsim.DefaultLogger):
@@ -55,7 +44,6 @@ class _Silent(jsbsim.DefaultLogger):
 if threading.current_thread() is threading.main_thread():
     jsbsim.set_logger(_Silent())
 
-_new = tuple.__new__
 Getter = Callable[[], float]
 Setter = Callable[[float], object]
 
@@ -63,17 +51,6 @@ Setter = Callable[[float], object]
 def version() -> str:
     """Return the version of the installed jsbsim."""
     return str(jsbsim.__version__)
-
-
-class Start(NamedTuple):
-    """A trimmed start: where a flight begins. SI, radians."""
-
-    altitude_m: float
-    airspeed_m_s: float
-    alpha_rad: float
-    theta_rad: float
-    elevator_rad: float
-    throttle_norm: float
 
 
 def stock_names() -> tuple[str, ...]:
@@ -244,122 +221,3 @@ def _model_folder(aircraft: Aircraft | StockAircraft) -> Path:
     model = aircraft.silent if isinstance(aircraft, StockAircraft) else _patched(aircraft)
     (place / f"{aircraft.name}.xml").write_bytes(model)
     return folder
-
-
-class JsbsimPlant:
-    """One flight of an aircraft, on a fresh FDM; a Plant.
-
-    Args:
-        aircraft: the overlay aircraft.
-        start: trimmed start.
-        control_hz, plant_hz: rates; the plant rate is an integer multiple of the control rate.
-        cg_shift_cbar: c.g. shift in mean chords, aft positive.
-        turbulence: ``"none"``, ``"light"``, ``"moderate"`` or ``"severe"`` (MIL-F-8785C, Tustin).
-        seed: of the turbulence.
-        health: what is left of the aircraft from the start; the trim does not know of it.
-        gusts: vertical speed of the air over time, m/s, up positive; it does not enter the trim either.
-        fuel_kg: fuel more than the model's file says, spread over the tanks in proportion; the trim does not know of it.
-
-    Attributes:
-        getters, origin: what ``properties.fields`` is of: read JSBSim now; where the flight began.
-        elevator_mean_rad, gust_up_m_s: the fields of Truth that are not read there.
-
-    """
-
-    def __init__(
-        self,
-        aircraft: Aircraft,
-        start: Start,
-        *,
-        control_hz: int,
-        plant_hz: int,
-        cg_shift_cbar: float = 0.0,
-        turbulence: str = "none",
-        seed: int = 0,
-        health: Health = HEALTHY,
-        gusts: Gusts = calm,
-        fuel_kg: float = 0.0,
-    ) -> None:
-        self._fdm = fdm = Fdm(aircraft, 1.0 / plant_hz)
-        self._substeps, self._plant_hz = plant_hz // control_hz, plant_hz
-        self._all_but_the_last = range(self._substeps - 1)
-        self._stops = aircraft.actuator.min_rad, aircraft.actuator.max_rad
-        fdm.configure(altitude_m=start.altitude_m, cg_shift_cbar=cg_shift_cbar)
-        fdm.add_fuel(fuel_kg)
-        fdm.set("ic/vt-fps", start.airspeed_m_s / FT)
-        fdm.set("ic/alpha-rad", start.alpha_rad)
-        fdm.set("ic/gamma-rad", start.theta_rad - start.alpha_rad)
-        fdm.set(aircraft.properties["throttle_norm"], start.throttle_norm)
-        self._command = fdm.setter(aircraft.properties["elevator_cmd_rad"])
-        self._moment = fdm.setter(aircraft.properties["effectiveness"])
-        self._force = fdm.setter(aircraft.properties["elevator_force"])
-        self._shift_cg = fdm.cg_shifter()
-        self._command(start.elevator_rad)
-        self._become(health)
-        fdm.settle()
-        if turbulence != "none":  # after the last run_ic: the Tustin filters divide by dt, which is 0 in there
-            fdm.set("simulation/randomseed", seed)
-            # The gusts' axes follow the wind, and with none their direction is round-off: 0 or pi, and with it the sign of the gust's
-            # pitch rate. In a wind from ahead (flights begin heading north) the air ahead reaches the nose first.
-            fdm.set("atmosphere/wind-north-fps", -_BREEZE_FPS)
-            curve, wind_fps = _SEVERITY[turbulence]
-            fdm.set("atmosphere/turbulence/milspec/severity", curve)
-            fdm.set("atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps", wind_fps)
-            fdm.set("atmosphere/turb-type", _TURBULENCE_MODEL)
-        self._run = fdm.exec.run
-        self._elevator = fdm.getter(aircraft.properties["elevator_rad"])
-        self.getters = tuple(fdm.getter(p) for p in (*READ, aircraft.properties["elevator_rad"]))
-        latitude, longitude = fdm.getter("position/lat-gc-rad")(), fdm.getter("position/long-gc-rad")()
-        north_m = fdm.getter("position/radius-to-vehicle-ft")() * FT  # per rad of latitude
-        self.origin = latitude, longitude, north_m, north_m * cos(latitude)
-        self.elevator_mean_rad = self._elevator()
-        self._gusts, self._gust_down = gusts, fdm.setter("atmosphere/gust-down-fps")
-        self._frames, self.gust_up_m_s = 0, 0.0
-
-    def _become(self, health: Health) -> None:
-        """Make this what is left of the aircraft: JSBSim's accelerations show it from the end of the next frame on."""
-        self._health = health
-        self._moment(health.effectiveness)
-        self._force(health.elevator_force)
-        self._shift_cg(health.cg_shift_cbar)
-
-    def _blow(self) -> None:
-        """Set the gust of the frame to come: JSBSim first moves the aircraft, then computes alpha and accelerations, at the frame's end."""
-        self._frames += 1
-        self.gust_up_m_s = self._gusts(self._frames / self._plant_hz)
-        self._gust_down(-self.gust_up_m_s / FT)
-
-    def sense(self, health: Health = HEALTHY) -> Truth:
-        """Return the truth at the present tick; the health is what is left from now on."""
-        # Made without its constructor: twenty arguments by position cost as much as four of the properties.
-        return _new(
-            Truth,
-            plain_fields(*self.origin, *map(call, self.getters), self.elevator_mean_rad, *health, self.gust_up_m_s),
-        )
-
-    def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
-        """Fly one control period with the command held and this left of the aircraft.
-
-        JSBSim computes at the end of a frame the accelerations that move the aircraft over the next one: the last frame of
-        a period is given the health of the ``following`` period, which so begins exactly at its tick.
-
-        The command is clamped to the stops first: JSBSim's rate limiter runs on beyond them and comes back late.
-        """
-        low, high = self._stops
-        self._command(low if elevator_cmd_rad < low else high if elevator_cmd_rad > high else elevator_cmd_rad)
-        if health is not self._health:
-            self._become(health)
-        elevator, run, total, windy = self._elevator, self._run, 0.0, self._gusts is not calm
-        for _ in self._all_but_the_last:
-            if windy:
-                self._blow()
-            # A frame moves the aircraft with the accelerations, and so the deflection, of the frame before.
-            total += elevator()
-            run()
-        if following is not health:
-            self._become(following)
-        if windy:
-            self._blow()
-        total += elevator()
-        run()
-        self.elevator_mean_rad = total / self._substeps

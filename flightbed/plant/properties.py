@@ -25,8 +25,9 @@ READ = (
     "forces/fwx-aero-lbs",
     "forces/fbx-prop-lbs",
 )
+LATERAL = ("aero/beta-rad", "velocities/p-rad_sec", "velocities/r-rad_sec")  # of LateralTruth; then aileron and rudder
 Fields = tuple[
-    float, float, float, float, float, float, float, float, float, float,
+    float, float, float, float, float, float, float, float, float, float, float,
     float, float, float, float, float, float, float, float, float, float,
 ]  # fmt: skip
 
@@ -36,13 +37,14 @@ def fields(
     latitude_0: float, longitude_0: float, north_m: float, east_m: float,
     alpha: float, q: float, theta: float, phi: float, psi: float, airspeed_fps: float, mach: float, altitude_ft: float,
     latitude: float, longitude: float, nz: float, lift_lbs: float, drag_lbs: float, thrust_lbs: float, elevator: float,
-    elevator_mean: float, effectiveness: float, elevator_force: float, cg_shift: float, gust_up_m_s: float,
+    elevator_mean: float, effectiveness: float, elevator_force: float, cg_shift: float, gust_up_m_s: float, elevator_offset: float,
 ) -> Fields:  # fmt: skip
     """Return the fields of a Truth, of where the flight began (with m per rad of latitude and longitude there) and what is read."""
     return (
         alpha, q, theta, phi, psi - 2.0 * pi if psi > pi else psi, airspeed_fps * FT, mach, altitude_ft * FT,
         (latitude - latitude_0) * north_m, (longitude - longitude_0) * east_m, nz, elevator, elevator_mean,
         effectiveness, elevator_force, cg_shift, gust_up_m_s, lift_lbs * LBF, drag_lbs * LBF, thrust_lbs * LBF,
+        elevator_offset,
     )  # fmt: skip
 
 

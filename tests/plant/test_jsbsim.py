@@ -14,8 +14,9 @@ from flightbed.gusts import calm, one_minus_cosine
 from flightbed.linearize import linearize
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.plant.jsbsim import Fdm, JsbsimPlant, Start
+from flightbed.plant.jsbsim import Fdm
 from flightbed.plant.linear import LinearPlant
+from flightbed.plant.nonlinear import JsbsimPlant, Start
 from flightbed.short_period import short_period
 from flightbed.signals import HEALTHY, Health
 from flightbed.trim import TrimPoint, trim

@@ -1,0 +1,222 @@
+"""The nonlinear plant: one flight of an overlay aircraft in JSBSim."""
+
+from __future__ import annotations
+
+from math import cos
+from operator import call
+from types import MappingProxyType
+from typing import NamedTuple
+
+from flightbed.aircraft import Aircraft
+from flightbed.gusts import Gusts, calm
+from flightbed.plant.jsbsim import Fdm
+from flightbed.plant.properties import LATERAL, READ, plain_fields
+from flightbed.plant.surfaces import Surface
+from flightbed.signals import HEALTHY, Health, LateralTruth, Truth
+from flightbed.units import FT
+
+_new = tuple.__new__
+_BREEZE_FPS = 1e-6
+_TURBULENCE_MODEL = 4  # MIL-F-8785C spectra, Tustin-discretized (JSBSim's ttTustin)
+# MIL-F-8785C: above 2000 ft JSBSim's index of the exceedance curve; below 1000 ft the wind at 20 ft, 15, 30 and 45 kt.
+_SEVERITY = MappingProxyType({"light": (3, 25.3), "moderate": (4, 50.6), "severe": (6, 75.9)})
+
+
+class Start(NamedTuple):
+    """A trimmed start: where a flight begins. SI, radians."""
+
+    altitude_m: float
+    airspeed_m_s: float
+    alpha_rad: float
+    theta_rad: float
+    elevator_rad: float
+    throttle_norm: float
+
+
+class JsbsimPlant:
+    """One flight of an aircraft, on a fresh FDM; a Plant.
+
+    Args:
+        aircraft: the overlay aircraft.
+        start: trimmed start.
+        control_hz, plant_hz: rates; the plant rate is an integer multiple of the control rate.
+        cg_shift_cbar: c.g. shift in mean chords, aft positive.
+        turbulence: ``"none"``, ``"light"``, ``"moderate"`` or ``"severe"`` (MIL-F-8785C, Tustin).
+        seed: of the turbulence.
+        health: what is left of the aircraft from the start; the trim does not know of it.
+        gusts: vertical speed of the air over time, m/s, up positive; it does not enter the trim either.
+        fuel_kg: fuel more than the model's file says, spread over the tanks in proportion; the trim does not know of it.
+        lateral: whether aileron and rudder are commanded (``steer``) instead of the stock laws'; the aircraft must have ``lateral``.
+
+    Attributes:
+        getters, origin: what ``properties.fields`` is of: read JSBSim now; where the flight began.
+        elevator_mean_rad, gust_up_m_s: the fields of Truth that are not read there.
+
+    """
+
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        start: Start,
+        *,
+        control_hz: int,
+        plant_hz: int,
+        cg_shift_cbar: float = 0.0,
+        turbulence: str = "none",
+        seed: int = 0,
+        health: Health = HEALTHY,
+        gusts: Gusts = calm,
+        fuel_kg: float = 0.0,
+        lateral: bool = False,
+    ) -> None:
+        self._fdm = fdm = Fdm(aircraft, 1.0 / plant_hz)
+        self._substeps, self._plant_hz = plant_hz // control_hz, plant_hz
+        self._all_but_the_last = range(self._substeps - 1)
+        fdm.configure(altitude_m=start.altitude_m, cg_shift_cbar=cg_shift_cbar)
+        fdm.add_fuel(fuel_kg)
+        fdm.set("ic/vt-fps", start.airspeed_m_s / FT)
+        fdm.set("ic/alpha-rad", start.alpha_rad)
+        fdm.set("ic/gamma-rad", start.theta_rad - start.alpha_rad)
+        fdm.set(aircraft.properties["throttle_norm"], start.throttle_norm)
+        alpha, beta = fdm.getter("aero/alpha-rad"), fdm.getter("aero/beta-rad")
+        # A surface that is free turns its trailing edge the way the air goes: elevator up, which is negative, as alpha rises; rudder to
+        # the left, which is positive, as the air comes from the right; ailerons against each other, and so not at all.
+        streams = {"elevator": lambda: -alpha(), "aileron": None, "rudder": beta}
+        actuators = {"elevator": aircraft.actuator, **(aircraft.lateral if lateral else {})}
+        self._surfaces = [
+            Surface(fdm, aircraft.properties, name, actuator, streams[name]) for name, actuator in actuators.items()
+        ]
+        self._elevator_surface, self._lateral_surfaces = self._surfaces[0], self._surfaces[1:]
+        self._command, self._stops = self._elevator_surface.put, self._elevator_surface.stops
+        self._shares = [fdm.setter(aircraft.properties[f"{name}_effectiveness"]) for name in [*actuators][1:]]
+        if lateral:
+            fdm.set(aircraft.properties["lateral_direct"], 2.0)
+        self._moment = fdm.setter(aircraft.properties["effectiveness"])
+        self._force = fdm.setter(aircraft.properties["elevator_force"])
+        self._shift_cg = fdm.cg_shifter()
+        self._command(start.elevator_rad)
+        self._gusts, self._gust_down = gusts, fdm.setter("atmosphere/gust-down-fps")
+        self._frames, self.gust_up_m_s = 0, 0.0
+        self._seized = self._health = HEALTHY
+        self._seize(health)
+        self._become(health)
+        fdm.settle()
+        if turbulence != "none":  # after the last run_ic: the Tustin filters divide by dt, which is 0 in there
+            fdm.set("simulation/randomseed", seed)
+            # The gusts' axes follow the wind, and with none their direction is round-off: 0 or pi, and with it the sign of the gust's
+            # pitch rate. In a wind from ahead (flights begin heading north) the air ahead reaches the nose first.
+            fdm.set("atmosphere/wind-north-fps", -_BREEZE_FPS)
+            curve, wind_fps = _SEVERITY[turbulence]
+            fdm.set("atmosphere/turbulence/milspec/severity", curve)
+            fdm.set("atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps", wind_fps)
+            fdm.set("atmosphere/turb-type", _TURBULENCE_MODEL)
+        self._run = fdm.exec.run
+        self._elevator = self._elevator_surface.position
+        self.getters = tuple(fdm.getter(p) for p in (*READ, aircraft.properties["elevator_rad"]))
+        latitude, longitude = fdm.getter("position/lat-gc-rad")(), fdm.getter("position/long-gc-rad")()
+        north_m = fdm.getter("position/radius-to-vehicle-ft")() * FT  # per rad of latitude
+        self.origin = latitude, longitude, north_m, north_m * cos(latitude)
+        self.elevator_mean_rad = self._elevator()
+        self._lateral_getters = tuple(fdm.getter(p) for p in LATERAL) + tuple(
+            s.position for s in self._lateral_surfaces
+        )
+        self._lateral_means = [surface.position() for surface in self._lateral_surfaces]
+        self._lateral_totals = [0.0] * len(self._lateral_surfaces)
+
+    def _become(self, health: Health) -> None:
+        """Make this what is left of the aircraft: JSBSim's accelerations show it from the end of the next frame on."""
+        self._health = health
+        self._moment(health.effectiveness)
+        self._force(health.elevator_force)
+        self._shift_cg(health.cg_shift_cbar)
+        for put, share in zip(self._shares, health[3:5], strict=True) if self._shares else ():
+            put(share)
+        for surface, fault in zip(self._surfaces, health.faults, strict=False):
+            surface.become(fault)
+        # Whether something is to be done in every frame.
+        self._more = (
+            self._gusts is not calm or bool(self._lateral_surfaces) or any(surface.floats for surface in self._surfaces)
+        )
+
+    def _seize(self, health: Health) -> None:
+        """Make this what is wrong with the actuators, from the next frame on."""
+        self._seized = health
+        for surface, fault in zip(self._surfaces, health.faults, strict=False):
+            surface.seize(fault)
+        self._stops = self._elevator_surface.stops
+
+    def _before_a_frame(self) -> None:
+        """Set the gust of the frame to come, and what trails in the stream; sum up where aileron and rudder are.
+
+        JSBSim first moves the aircraft, then computes alpha and accelerations, at the frame's end: the gust is that of then.
+        """
+        if self._gusts is not calm:
+            self._frames += 1
+            self.gust_up_m_s = self._gusts(self._frames / self._plant_hz)
+            self._gust_down(-self.gust_up_m_s / FT)
+        for surface in self._surfaces:
+            if surface.floats:
+                surface.trail()
+        for i, surface in enumerate(self._lateral_surfaces):
+            self._lateral_totals[i] += surface.position()
+
+    def sense(self, health: Health = HEALTHY) -> Truth:
+        """Return the truth at the present tick; the health is what is left from now on."""
+        # Made without its constructor: twenty arguments by position cost as much as four of the properties.
+        return _new(
+            Truth,
+            plain_fields(*self.origin, *map(call, self.getters), *self.beside(health)),
+        )
+
+    def beside(self, health: Health) -> tuple[float, float, float, float, float, float]:
+        """Return the last arguments of ``properties.fields``, that JSBSim does not tell."""
+        share, force, shift, _, _, _ = health
+        return self.elevator_mean_rad, share, force, shift, self.gust_up_m_s, self._elevator_surface.offset_rad
+
+    def sense_lateral(self, health: Health) -> LateralTruth:
+        """Return the truth of roll and yaw at the present tick; the health is what is left from now on."""
+        aileron, rudder = self._lateral_surfaces
+        beta, p, r, aileron_rad, rudder_rad = map(call, self._lateral_getters)
+        mean_aileron, mean_rudder = self._lateral_means
+        return LateralTruth(
+            beta, p, r, aileron_rad, rudder_rad, mean_aileron, mean_rudder,
+            health.aileron, health.rudder, aileron.offset_rad, rudder.offset_rad,
+        )  # fmt: skip
+
+    def steer(self, aileron_cmd_rad: float, rudder_cmd_rad: float) -> None:
+        """Command aileron and rudder for the control period to come."""
+        aileron, rudder = self._lateral_surfaces
+        aileron.command(aileron_cmd_rad)
+        rudder.command(rudder_cmd_rad)
+
+    def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
+        """Fly one control period with the command held and this left of the aircraft.
+
+        JSBSim computes at the end of a frame the accelerations that move the aircraft over the next one: the last frame of
+        a period is given the health of the ``following`` period, which so begins exactly at its tick.
+
+        The command is clamped to the stops first: JSBSim's rate limiter runs on beyond them and comes back late.
+        """
+        if health is not self._seized:
+            self._seize(health)
+        low, high = self._stops
+        self._command(low if elevator_cmd_rad < low else high if elevator_cmd_rad > high else elevator_cmd_rad)
+        if health is not self._health:
+            self._become(health)
+        elevator, run, total, more = self._elevator, self._run, 0.0, self._more
+        for _ in self._all_but_the_last:
+            if more:
+                self._before_a_frame()
+            # A frame moves the aircraft with the accelerations, and so the deflection, of the frame before.
+            total += elevator()
+            run()
+        if following is not health:
+            self._become(following)
+        if more or self._more:
+            self._before_a_frame()
+        total += elevator()
+        run()
+        self.elevator_mean_rad = total / self._substeps
+        if self._lateral_surfaces:
+            self._lateral_means = [total / self._substeps for total in self._lateral_totals]
+            self._lateral_totals = [0.0, 0.0]
