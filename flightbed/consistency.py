@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ from flightbed.command.harmonics import MOST_HARMONICS, harmonics
 from flightbed.errors import did_you_mean
 
 if TYPE_CHECKING:
-    from flightbed.settings import Command, Scenario
+    from flightbed.settings import Command, Scenario, SideslipCommand
 
 _PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
 _BAND = _PULSES | {"low_hz", "high_hz"}
@@ -29,17 +29,33 @@ _COMMAND_USES = {
 }
 _FIXED_PRIOR = ("first_reading", "alpha_deg", "q_deg_s", "alpha_std_deg", "q_std_deg_s")
 # What a kind of failure needs besides its time, and what it has no use for. Kinds of installed packages may use any key.
-_FAILURE_NEEDS = MappingProxyType(
-    {"effectiveness": ("to",), "ramp": ("to",), "structural": ("to", "force_to"), "cg-shift": ("shift_cbar",)}
-)
-_FAILURE_IDLE = MappingProxyType(
+_FAILURE_NEEDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "effectiveness": ("force_to", "over_s", "shift_cbar"),
-        "ramp": ("force_to", "shift_cbar"),
-        "structural": ("over_s", "shift_cbar"),
-        "cg-shift": ("surface", "to", "force_to", "over_s"),
+        "effectiveness": ("to",),
+        "ramp": ("to",),
+        "structural": ("to", "force_to"),
+        "cg-shift": ("shift_cbar",),
+        "stuck": (),
+        "floating": (),
+        "hardover": ("side",),
+        "rate-limit": ("to",),
+        "bias": ("bias_deg",),
     }
 )
+_FAILURE_MAY: Mapping[str, tuple[str, ...]] = MappingProxyType({"ramp": ("over_s",)})
+_FAILURE_KEYS = ("to", "force_to", "over_s", "shift_cbar", "side", "bias_deg")
+_ELEVATOR_ONLY = ("structural", "cg-shift")
+# Of the actuator: what an overlay must name properties for.
+ACTUATOR_FAILURES: Mapping[str, str] = MappingProxyType(
+    {
+        "stuck": "stuck",
+        "floating": "offset_rad",
+        "bias": "offset_rad",
+        "rate-limit": "rate_limit_rad_s",
+        "hardover": "cmd_rad",
+    }
+)
+_LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
 _KALMAN_ONLY = (
     "input", "input_at", "memory", "window", "alarm_threshold", "follow_disturbances", "hold_std",
     "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
@@ -65,7 +81,11 @@ def contradictions(scenario: Scenario) -> list[str]:
             for key in _FAILURE_NEEDS.get(failure.kind, ())
             if key not in failure.model_fields_set
         ]
+    problems += _surface_contradictions(scenario)
     problems += _command_contradictions(scenario.command, hz)
+    if scenario.lateral.enabled:
+        problems += _command_contradictions(scenario.lateral.roll, hz, "lateral.roll")
+        problems += _command_contradictions(scenario.lateral.sideslip, hz, "lateral.sideslip")
     names = [estimator.name for estimator in scenario.estimators]
     for i, estimator in enumerate(scenario.estimators):
         if estimator.name in names[:i]:
@@ -85,9 +105,27 @@ def contradictions(scenario: Scenario) -> list[str]:
     return problems
 
 
+def _surface_contradictions(scenario: Scenario) -> list[str]:
+    problems = []
+    for i, failure in enumerate(scenario.failures):
+        if failure.surface == "elevator":
+            continue
+        if failure.kind in _ELEVATOR_ONLY:
+            problems.append(
+                f"failures.{i}.surface: must be 'elevator' with kind = '{failure.kind}' (got '{failure.surface}')"
+            )
+        elif not scenario.lateral.enabled:
+            problems.append(
+                f"failures.{i}.surface: aileron and rudder are the stock laws' (got '{failure.surface}'); set lateral.enabled to true"
+            )
+    return problems
+
+
 def _options_of_built_ins(scenario: Scenario) -> list[str]:
     tables = [
         ("command", "commands", "kind", scenario.command.kind, scenario.command.options),
+        ("lateral.roll", "commands", "kind", scenario.lateral.roll.kind, scenario.lateral.roll.options),
+        ("lateral.sideslip", "commands", "kind", scenario.lateral.sideslip.kind, scenario.lateral.sideslip.options),
         ("control", "laws", "law", scenario.control.law, scenario.control.options),
         *((f"failures.{i}", "failures", "kind", f.kind, f.options) for i, f in enumerate(scenario.failures)),
         *((f"estimators.{i}", "estimators", "kind", e.kind, e.options) for i, e in enumerate(scenario.estimators)),
@@ -103,31 +141,31 @@ def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
     return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; there is: {', '.join(names) or 'none'}"
 
 
-def _command_contradictions(command: Command, hz: int) -> list[str]:
+def _command_contradictions(command: Command | SideslipCommand, hz: int, place: str = "command") -> list[str]:
     kind = command.kind
     shortest = {"doublet": ("period_s", 2), "3-2-1-1": ("period_s", 7), "random": ("switch_s", 1)}
     if kind in shortest:
         key, parts = shortest[kind]
         value: float = getattr(command, key)
         if value * hz < parts - 1e-6:
-            return [f"command.{key}: must be at least {parts / hz:g}, so that a pulse lasts a tick (got {value:g})"]
+            return [f"{place}.{key}: must be at least {parts / hz:g}, so that a pulse lasts a tick (got {value:g})"]
     if kind not in ("chirp", "multisine", "dither"):
         return []
     problems = []
     if command.high_hz >= 0.5 * hz:
         problems.append(
-            f"command.high_hz: must be below {0.5 * hz:g}, half of rates.control_hz (got {command.high_hz:g})"
+            f"{place}.high_hz: must be below {0.5 * hz:g}, half of rates.control_hz (got {command.high_hz:g})"
         )
     if command.low_hz > command.high_hz:
         problems.append(
-            f"command.low_hz: must be no higher than high_hz = {command.high_hz:g} (got {command.low_hz:g})"
+            f"{place}.low_hz: must be no higher than high_hz = {command.high_hz:g} (got {command.low_hz:g})"
         )
     elif kind != "chirp":
         found = len(harmonics(low_hz=command.low_hz, high_hz=command.high_hz, period_s=command.period_s))
         if not 1 <= found <= MOST_HARMONICS:
             cure = "widen the band or lengthen the period" if found == 0 else "narrow the band or shorten the period"
             problems.append(
-                f"command.period_s: from low_hz to high_hz there must be 1 to {MOST_HARMONICS} multiples of 1/period_s, "
+                f"{place}.period_s: from low_hz to high_hz there must be 1 to {MOST_HARMONICS} multiples of 1/period_s, "
                 f"{cure} (got {found})"
             )
     return problems
@@ -135,9 +173,15 @@ def _command_contradictions(command: Command, hz: int) -> list[str]:
 
 def idle_keys(scenario: Scenario) -> dict[str, str]:
     """Return key -> the setting that leaves it without effect."""
-    command, adaptation = scenario.command, scenario.adaptation
-    unused = _COMMAND_KEYS - _COMMAND_USES.get(command.kind, _COMMAND_KEYS)
-    keys = {f"command.{key}": f"command.kind = '{command.kind}'" for key in unused}
+    lateral, adaptation = scenario.lateral, scenario.adaptation
+    keys = _idle_in_command("command", scenario.command)
+    if lateral.enabled:
+        keys |= _idle_in_command("lateral.roll", lateral.roll) | _idle_in_command("lateral.sideslip", lateral.sideslip)
+    else:
+        own = {f"lateral.{key}" for key in type(lateral).model_fields if key != "enabled"}
+        own |= {f"lateral.{axis}.{key}" for axis in ("roll", "sideslip") for key in type(lateral.roll).model_fields}
+        own |= {f"sensors.{key}" for key in _LATERAL_SENSORS} | {"lateral.sideslip.amplitude_deg"}
+        keys |= dict.fromkeys(sorted(own), "lateral.enabled = false")
     if scenario.control.gains is not None:
         keys["control.integral_pole_rad_s"] = "control.gains"
     if scenario.control.law == "proportional":
@@ -148,7 +192,11 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
     elif adaptation.oracle:
         keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
     for i, failure in enumerate(scenario.failures):
-        useless = _FAILURE_IDLE.get(failure.kind, ())
+        if failure.kind not in _FAILURE_NEEDS:  # other packages' may use any key
+            continue
+        used = (*_FAILURE_NEEDS[failure.kind], *_FAILURE_MAY.get(failure.kind, ()))
+        useless = [key for key in _FAILURE_KEYS if key not in used]
+        useless += ["surface"] if failure.kind == "cg-shift" else []
         keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
     for i, estimator in enumerate(scenario.estimators):
         place = f"estimators.{i}"
@@ -163,6 +211,13 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
         if estimator.prior.state == "measurement":
             keys |= {f"{place}.prior.{key}": f"{place}.prior.state = 'measurement'" for key in _FIXED_PRIOR}
     return keys
+
+
+def _idle_in_command(place: str, command: Command | SideslipCommand) -> dict[str, str]:
+    unused = _COMMAND_KEYS - _COMMAND_USES.get(command.kind, _COMMAND_KEYS)
+    if "amplitude_deg" in type(command).model_fields:
+        unused = {"amplitude_deg" if key == "amplitude_deg_s" else key for key in unused}
+    return {f"{place}.{key}": f"{place}.kind = '{command.kind}'" for key in unused}
 
 
 def detectors(scenario: Scenario) -> tuple[str, ...]:

@@ -24,7 +24,9 @@ from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
 from flightbed.failures.airframe import cg_moved
 from flightbed.failures.base import Failing, healthy
-from flightbed.failures.effector import damaged, ramped, weakened
+from flightbed.failures.effector import biased, damaged, driven, ramped, slowed, weakened
+from flightbed.failures.effector import floating as _floating
+from flightbed.failures.effector import stuck as _stuck
 from flightbed.gusts import Gusts, calm, one_minus_cosine
 from flightbed.short_period import ShortPeriod
 from flightbed.units import DEG, FT
@@ -136,7 +138,7 @@ def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: 
 
 def effectiveness(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
     """Keep the share `to` of the deflection's effect from the first tick at or after at_s."""
-    return weakened(before, to=settings.to, at_tick=failure_tick(settings, control_hz))
+    return weakened(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
 
 
 def structural(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
@@ -152,7 +154,36 @@ def cg_shift(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
 def ramp(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
     """Lose effectiveness steadily from what it is at at_s to the share `to`, over over_s seconds."""
     at_tick = failure_tick(settings, control_hz)
-    return ramped(before, to=settings.to, at_tick=at_tick, ticks=max(1, round(settings.over_s * control_hz)))
+    ticks = max(1, round(settings.over_s * control_hz))
+    return ramped(before, surface=settings.surface, to=settings.to, at_tick=at_tick, ticks=ticks)
+
+
+def stuck(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+    """Jam the actuator where it is at at_s."""
+    return _stuck(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
+
+
+def floating(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+    """Let the surface come off its actuator at at_s and trail in the stream."""
+    return _floating(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
+
+
+def hardover(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+    """Run the actuator to the stop on the side low or high from at_s on, as fast as it goes."""
+    to_rad = inf if settings.side == "high" else -inf
+    return driven(before, surface=settings.surface, to_rad=to_rad, at_tick=failure_tick(settings, control_hz))
+
+
+def rate_limit(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+    """Leave the share `to` of the actuator's rate limit from at_s on."""
+    return slowed(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
+
+
+def bias(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+    """Add bias_deg to what acts, unseen by the position feedback, from at_s on."""
+    return biased(
+        before, surface=settings.surface, by_rad=settings.bias_deg * DEG, at_tick=failure_tick(settings, control_hz)
+    )
 
 
 def failure_tick(settings: s.Failure, control_hz: int) -> int:

@@ -7,6 +7,7 @@ from importlib.metadata import version
 
 from flightbed import registry
 from flightbed.aircraft import Aircraft, load_path
+from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law
 from flightbed.errors import AircraftError, DesignError, NoTrimError, ScenarioError
 from flightbed.linear_aircraft import LinearAircraft, load_flyable
@@ -88,6 +89,8 @@ def _trimmed(scenario: Scenario, aircraft: Aircraft) -> tuple[JsbsimAirframe, Tr
         raise ScenarioError(
             ["process_noise: only a linear aircraft has it; what disturbs a nonlinear one is atmosphere.turbulence"]
         )
+    if problems := _beyond_overlay(scenario, aircraft):
+        raise ScenarioError(problems)
     condition = scenario.condition
     airframe = _airframe(aircraft, condition, scenario.aircraft.cg_shift_cbar)
     try:
@@ -102,6 +105,22 @@ def _airframe(aircraft: Aircraft, condition: Condition, cg_shift_cbar: float) ->
     return JsbsimAirframe(aircraft, mach=condition.mach, altitude_m=altitude_m, cg_shift_cbar=cg_shift_cbar)
 
 
+def _beyond_overlay(scenario: Scenario, aircraft: Aircraft) -> list[str]:
+    """Return what a scenario asks of an overlay aircraft that it does not have, one line each."""
+    problems = []
+    if scenario.lateral.enabled and not aircraft.lateral:
+        problems.append(
+            f"lateral.enabled: must be false with the aircraft {aircraft.name}, whose overlay has no [aileron] and [rudder]"
+        )
+    for i, failure in enumerate(scenario.failures):
+        wanted = f"{failure.surface}_{ACTUATOR_FAILURES.get(failure.kind, '')}"
+        if failure.kind in ACTUATOR_FAILURES and wanted not in aircraft.properties:
+            problems.append(
+                f"failures.{i}.kind: '{failure.kind}' needs properties.{wanted}, which the overlay of {aircraft.name} does not name"
+            )
+    return problems
+
+
 def _beyond_linear(scenario: Scenario, aircraft: LinearAircraft) -> list[str]:
     """Return what a scenario asks of a linear aircraft that it does not have, one line each."""
     wanted: list[tuple[str, object, object]] = [
@@ -111,11 +130,17 @@ def _beyond_linear(scenario: Scenario, aircraft: LinearAircraft) -> list[str]:
         ("aircraft.cg_shift_cbar", scenario.aircraft.cg_shift_cbar, 0.0),
         ("atmosphere.turbulence", scenario.atmosphere.turbulence, "none"),
         ("model_error.cg_shift_cbar", scenario.model_error.cg_shift_cbar, 0.0),
+        ("lateral.enabled", scenario.lateral.enabled, False),
         ("model_error.fuel_lbs", scenario.model_error.fuel_lbs, 0.0),
         *((f"failures.{i}.shift_cbar", f.shift_cbar, 0.0) for i, f in enumerate(scenario.failures)),
         *((f"estimators.{i}.model", e.model, "short-period") for i, e in enumerate(scenario.estimators)),
     ]
-    return [
+    faults = [
+        f"failures.{i}.kind: '{f.kind}' is of an actuator, which the linear aircraft {aircraft.name} does not have; choose another one"
+        for i, f in enumerate(scenario.failures)
+        if f.kind in ACTUATOR_FAILURES
+    ]
+    return faults + [
         f"{key}: must be {only!r} with the linear aircraft {aircraft.name} (got {got!r})"
         for key, got, only in wanted
         if got != only

@@ -17,7 +17,7 @@ class Fault(NamedTuple):
 
     Attributes:
         stuck: the actuator stays where it is.
-        driven_to_rad: the actuator goes there, whatever is commanded; nan if it does as it is told.
+        driven_to_rad: the actuator goes there, or to the stop before it, whatever is commanded; nan if it does as it is told.
         floats: the surface has come off its actuator and trails in the stream; the position feedback, which is at the actuator, does not
             show it.
         bias_rad: deflection that acts beside the actuator's; the position feedback does not show it.

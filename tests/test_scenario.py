@@ -80,7 +80,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("failures.0.kind=structural", f"{FILE}: failures.0.force_to: is missing; a failure of kind 'structural' needs it"),
         ("failures.0.kind=cg-shift", f"{FILE}: failures.0.shift_cbar: is missing; a failure of kind 'cg-shift' needs it"),
         ("failures.1.at_s=5", f"{FILE}: failures.1.to: is missing; a failure of kind 'effectiveness' needs it"),
-        ("failures.0.kind=cg-shft", "--set failures.0.kind: unknown failure; did you mean cg-shift?; known: cg-shift, effectiveness, ramp, structural (got 'cg-shft')"),
+        ("failures.0.kind=cg-shft", "--set failures.0.kind: unknown failure; did you mean cg-shift?; known: bias, cg-shift, effectiveness, floating, hardover, ramp, rate-limit, structural, stuck (got 'cg-shft')"),
         ("gusts.0={at_s=16.5, up_fps=9, rise_s=1}", f"{FILE}: gusts.0.at_s: must be no later than the last tick, 16.49 s (got 16.5)"),
         ("gusts.0={at_s=1, up_fps=9, rise_s=0}", f"{FILE}: gusts.0.rise_s: must be above 0 and at most 1000000 (got 0)"),
         ("gusts.0={at_s=1, up_fps=900, rise_s=1}", f"{FILE}: gusts.0.up_fps: must be between -500 and 500 (got 900)"),

@@ -65,7 +65,8 @@ class Surface:
             self._limit(fault.rate_share * self._rate)
         self._actuator = fault
         goes_to = fault.driven_to_rad
-        self.stops = self._actuator_stops if isnan(goes_to) else (goes_to, goes_to)
+        low, high = self._actuator_stops
+        self.stops = (low, high) if isnan(goes_to) else (min(max(goes_to, low), high),) * 2
 
     def become(self, fault: Fault) -> None:
         """Make this what is wrong beyond the actuator: JSBSim's accelerations show it from the end of the next frame on."""

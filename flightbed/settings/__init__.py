@@ -16,9 +16,11 @@ from flightbed.settings.scenario import EstimatorSettings as EstimatorSettings
 from flightbed.settings.scenario import Failure as Failure
 from flightbed.settings.scenario import GainSettings as GainSettings
 from flightbed.settings.scenario import GustSettings as GustSettings
+from flightbed.settings.scenario import Lateral as Lateral
 from flightbed.settings.scenario import ModelError as ModelError
 from flightbed.settings.scenario import Prior as Prior
 from flightbed.settings.scenario import ProcessNoise as ProcessNoise
 from flightbed.settings.scenario import Rates as Rates
 from flightbed.settings.scenario import Scenario as Scenario
 from flightbed.settings.scenario import Sensors as Sensors
+from flightbed.settings.scenario import SideslipCommand as SideslipCommand

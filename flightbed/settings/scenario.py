@@ -48,11 +48,8 @@ class Rates(Settings):
         return self
 
 
-class Command(OwnSettings):
-    """Pitch-rate command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
-
+class _Shape(OwnSettings):
     kind: Annotated[str, registered("commands")] = "doublet"
-    amplitude_deg_s: float = 5.0
     period_s: Positive = 4.5
     count: Annotated[int, between(0, 10000)] = 3
     start_s: NonNegative = 0.0
@@ -63,10 +60,43 @@ class Command(OwnSettings):
     seed: Annotated[int, between(0, 2**63 - 1)] = 0
     filter_rad_s: NonNegative = 3.0
 
+
+class Command(_Shape):
+    """Pitch-rate or roll-rate command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
+
+    amplitude_deg_s: float = 5.0
+
     @model_validator(mode="before")
     @classmethod
     def _small_dither(cls, raw: Any) -> Any:
         return {"amplitude_deg_s": 0.5, **raw} if isinstance(raw, Mapping) and raw.get("kind") == "dither" else raw
+
+
+class SideslipCommand(_Shape):
+    """Sideslip command and its prefilter: the shapes of Command, in degrees."""
+
+    amplitude_deg: float = 2.0
+
+    def as_command(self) -> Command:
+        """Return the command whose deg/s are this one's deg."""
+        given = self.model_dump()
+        return Command(**given, amplitude_deg_s=given.pop("amplitude_deg"))
+
+
+class Lateral(Settings):
+    """Roll and yaw taken over from the stock laws: what is commanded, and what the regulator weighs.
+
+    The weights are Bryson's: each state and surface counts by the square of its share of the number here.
+    """
+
+    enabled: bool = False
+    roll: Command = Command(kind="none")
+    sideslip: SideslipCommand = SideslipCommand(kind="none")
+    beta_deg: Positive = 2.0
+    p_deg_s: Positive = 20.0
+    r_deg_s: Positive = 10.0
+    aileron_deg: Positive = 10.0
+    rudder_deg: Positive = 10.0
 
 
 class Sensors(Settings):
@@ -79,6 +109,11 @@ class Sensors(Settings):
     altitude_std_ft: NonNegative = 10.0
     theta_std_deg: NonNegative = 0.05
     phi_std_deg: NonNegative = 0.05
+    beta_std_deg: Positive = 0.03
+    p_std_deg_s: Positive = 0.1108
+    r_std_deg_s: Positive = 0.1108
+    aileron_std_deg: NonNegative = 0.0
+    rudder_std_deg: NonNegative = 0.0
     alpha_bias_deg: float = 0.0
     q_bias_deg_s: float = 0.0
     mach_error: Annotated[float, between(-0.5, 0.5)] = 0.0
@@ -124,11 +159,13 @@ class Failure(OwnSettings):
     """What fails from at_s on; which other keys a kind needs, and has no use for, says consistency.py."""
 
     kind: Annotated[str, registered("failures")] = "effectiveness"
-    surface: Literal["elevator"] = "elevator"
+    surface: Literal["elevator", "aileron", "rudder"] = "elevator"
     at_s: NonNegative
     to: Share = 1.0
     force_to: Share = 1.0
     over_s: Positive = 2.0
+    side: Literal["low", "high"] = "high"
+    bias_deg: Annotated[float, between(-60, 60)] = 0.0
     shift_cbar: Annotated[float, between(-0.5, 0.5)] = 0.0
 
 
@@ -251,6 +288,7 @@ class Scenario(Settings):
     condition: Condition = Condition()
     rates: Rates = Rates()
     command: Command = Command()
+    lateral: Lateral = Lateral()
     sensors: Sensors = Sensors()
     atmosphere: Atmosphere = Atmosphere()
     gusts: tuple[GustSettings, ...] = ()
