@@ -1,0 +1,1 @@
+"""Wu, Zhang and Zhou (2000), recomputed."""
