@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
 from flightbed import factories, registry
+from flightbed.aircraft import Aircraft
 from flightbed.blame import watched
 from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.design import peak_deflection
-from flightbed.estimation.base import OnBoard
+from flightbed.control.roll_yaw import RollYaw, RollYawWeights
+from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator, estimate_names
+from flightbed.lateral import LateralAxes
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.loop import Flight
 from flightbed.plan import Plan, law_of
 from flightbed.plant.base import Plant
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
-from flightbed.sensors import SensorErrors, SensorNoise, Sensors
+from flightbed.sensors import LateralNoise, LateralSensors, SensorErrors, SensorNoise, Sensors
 from flightbed.settings import ModelError, Scenario
 from flightbed.signals import Health
 from flightbed.units import DEG, FT, LB
@@ -35,16 +39,20 @@ def assemble(plan: Plan) -> Flight:
 def _assembled(plan: Plan) -> Flight:
     scenario, aircraft, point, design = plan.scenario, plan.aircraft, plan.trim, plan.design
     control_hz, ticks = scenario.rates.control_hz, scenario.ticks
-    seeds = np.random.SeedSequence(scenario.seed).spawn(3)  # append further consumers, never insert
-    sensor_seed, air_seed, process_seed = seeds
+    seeds = np.random.SeedSequence(scenario.seed).spawn(4)  # append further consumers, never insert
+    sensor_seed, air_seed, process_seed, lateral_seed = seeds
     sensors, noise = scenario.sensors, sensor_noise(scenario)
     errors = SensorErrors(sensors.alpha_bias_deg * DEG, sensors.q_bias_deg_s * DEG, sensors.mach_error)
-    onboard = _mistaken(OnBoard(design, noise, control_hz, plan.schedule), scenario.model_error)
+    lateral_noise = _lateral_noise(scenario) if plan.lateral else None
+    onboard = OnBoard(design, noise, control_hz, plan.schedule, plan.lateral, lateral_noise)
+    onboard = _mistaken(onboard, scenario.model_error)
     health = factories.failing(scenario)
-    names = [estimator.name for estimator in scenario.estimators]
+    estimators = [registry.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators]
+    names = names_of(scenario, estimators)
     adaptation = scenario.adaptation
+    plant = _plant(plan, health(0), air_seed, process_seed)
     return Flight(
-        plant=_plant(plan, health(0), air_seed, process_seed),
+        plant=plant,
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
         profile=profile(
             registry.factory("commands", scenario.command.kind)(scenario.command),
@@ -68,11 +76,75 @@ def _assembled(plan: Plan) -> Flight:
             if adaptation.limit_command and plan.gains
             else None,
         ),
-        estimators=[registry.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators],
+        estimators=estimators,
         alpha_trim_rad=point.alpha_rad,
         floor_m=min(0.0, scenario.condition.altitude_ft * FT - _ROOM_M),
         delay_ticks=scenario.rates.delay_ticks,
         state_from=names.index(scenario.control.state_from) if scenario.control.state_from else None,
+        lateral=_lateral(plan, plant, names, lateral_seed) if plan.lateral else None,
+    )
+
+
+def names_of(scenario: Scenario, estimators: Sequence[Estimator | SurfacesEstimator]) -> list[str]:
+    """Return what the estimates of a flight are called, in their order."""
+    pairs = zip(scenario.estimators, estimators, strict=True)
+    return [name for settings, estimator in pairs for name in estimate_names(settings.name, estimator)]
+
+
+def _lateral(plan: Plan, plant: Plant, names: Sequence[str], seed: np.random.SeedSequence) -> LateralAxes:
+    """Build roll and yaw: a surface is corrected by the estimate NAME.SURFACE of the estimator that adapts, if it has one."""
+    scenario, aircraft, settings = plan.scenario, plan.aircraft, plan.scenario.lateral
+    assert isinstance(plant, JsbsimPlant)
+    assert isinstance(aircraft, Aircraft)
+    assert plan.lateral is not None
+    hz, ticks = scenario.rates.control_hz, scenario.ticks
+    roll, sideslip = (
+        profile(
+            registry.factory("commands", command.kind)(command),
+            ticks=ticks,
+            control_hz=hz,
+            filter_rad_s=command.filter_rad_s,
+        )
+        for command in (settings.roll, settings.sideslip.as_command())
+    )
+    weights = RollYawWeights(*(getattr(settings, key) * DEG for key in _WEIGHTS))
+    asked = scenario.adaptation
+    corrections = []
+    for surface in ("aileron", "rudder"):
+        name, actuator = f"{asked.estimator}.{surface}", aircraft.lateral[surface]
+        corrections.append(
+            Adaptation(
+                enabled=asked.enabled and (asked.oracle or name in names),
+                estimator=names.index(name) if name in names else 0,
+                floor=asked.floor,
+                feedback=asked.feedback,
+                min_rad=actuator.min_rad,
+                max_rad=actuator.max_rad,
+                caution=asked.caution,
+                oracle=asked.enabled and asked.oracle,
+            )
+        )
+    references = zip(roll.q_cmd_rad_s, roll.q_ref_rad_s, sideslip.q_cmd_rad_s, sideslip.q_ref_rad_s, strict=True)
+    return LateralAxes(
+        plant,
+        LateralSensors(_lateral_noise(scenario), ticks=ticks, seed=seed),
+        [(float(a), float(b), float(c), float(d)) for a, b, c, d in references],
+        RollYaw(plan.lateral, weights, control_hz=hz),
+        *corrections,
+    )
+
+
+_WEIGHTS = ("beta_deg", "p_deg_s", "r_deg_s", "aileron_deg", "rudder_deg")
+
+
+def _lateral_noise(scenario: Scenario) -> LateralNoise:
+    sensors = scenario.sensors
+    return LateralNoise(
+        sensors.beta_std_deg * DEG,
+        sensors.p_std_deg_s * DEG,
+        sensors.r_std_deg_s * DEG,
+        sensors.aileron_std_deg * DEG,
+        sensors.rudder_std_deg * DEG,
     )
 
 
@@ -109,6 +181,7 @@ def _plant(plan: Plan, health: Health, air_seed: np.random.SeedSequence, process
         seed=int(air_seed.generate_state(1)[0] >> 1),
         health=health,
         gusts=factories.gusts(scenario.gusts),
+        lateral=scenario.lateral.enabled,
     )
 
 

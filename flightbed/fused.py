@@ -24,7 +24,7 @@ from flightbed.control.base import Gains
 from flightbed.control.proportional import Proportional, proportional_demand
 from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.estimation import loop_gain, rls
-from flightbed.estimation.base import Estimator
+from flightbed.estimation.base import Estimator, SurfacesEstimator
 from flightbed.estimation.loop_gain import LoopGain
 from flightbed.estimation.rls import DifferentiatedRls
 from flightbed.loop import DEPARTURE_RAD, Flight, not_a_number
@@ -177,7 +177,8 @@ def rows_of(flight: Flight) -> Array | None:
 def _is_ours(flight: Flight) -> bool:
     """Tell whether all that is called at a tick is of exactly these types: one that is derived from them may do something else."""
     return (
-        type(flight.sensors) is Sensors
+        flight.lateral is None
+        and type(flight.sensors) is Sensors
         and type(flight.adaptation) is Adaptation
         and type(flight.law) in (Proportional, ProportionalIntegral)
         and all(type(estimator) in (LoopGain, DifferentiatedRls) for estimator in flight.estimators)
@@ -204,7 +205,7 @@ def _store(flight: Flight) -> tuple[Array, int, int]:
     return np.concatenate([*parts, flight.sensors.errors.ravel(), rows.ravel()]), int(header[_ROWS]), width
 
 
-def _packed(estimator: Estimator) -> tuple[float, int, tuple[Array, ...]]:
+def _packed(estimator: Estimator | SurfacesEstimator) -> tuple[float, int, tuple[Array, ...]]:
     """Return kind, number of filters side by side, and arrays of an estimator about to begin."""
     if isinstance(estimator, LoopGain):
         arrays = estimator.packed()

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from flightbed.aircraft import Actuator
 from flightbed.loop import DEPARTURE_RAD
-from flightbed.trace import Trace
+from flightbed.trace import Trace, true_share
 from flightbed.units import DEG
 
 Vector = npt.NDArray[np.float64]
@@ -41,7 +41,7 @@ class EstimatorMetrics:
         false_alarms: alarms before the failure.
         nees_mean_post: mean of ((K-hat - K) / sigma)^2 from 0.3 s after the failure, before the bounds; 1 if sigma is honest.
         efficiency: mean square that the Cramer-Rao bound of its column ``effectiveness_bound`` allows over the mean square error; None
-            without a true model to compute it from.
+            without a true model to compute it from, and for aileron and rudder.
 
     """
 
@@ -64,7 +64,7 @@ class Metrics:
     """How one flight went.
 
     Attributes:
-        departed: |alpha - alpha_trim| > 25 deg, or a state that is not finite.
+        departed: |alpha - alpha_trim| > 25 deg, or a state that is not finite; where aileron and rudder are commanded also |beta| > 25 deg.
         departed_at_s: flight time of that; None if it did not.
         tracking_rms_pre_deg_s, tracking_rms_post_deg_s: RMS of q - q_ref before the first failure of any kind, and from 0.3 s after it.
         estimators_since_s: from where the estimators' times count: the first tick at which the true K is not 1, or, in a flight whose K
@@ -100,23 +100,32 @@ def measure(
         readings: of each estimator how many readings it predicts, as far as it says.
 
     """
-    changed = trace["t_s"][trace["effectiveness_true"] != 1.0]
-    since = float(changed[0]) if changed.size else failed_at_s
     pre, _, post = _phases(trace, failed_at_s)
-    phases = _phases(trace, since)
     last_alpha, last_q = float(trace["alpha_deg"][-1]), float(trace["q_deg_s"][-1])
-    departed = not (abs(last_alpha - alpha_trim_deg) <= DEPARTURE_RAD / DEG and isfinite(last_q))
+    limit_deg = DEPARTURE_RAD / DEG
+    departed = not (abs(last_alpha - alpha_trim_deg) <= limit_deg and isfinite(last_q))
+    if "beta_deg" in trace.columns:
+        departed = departed or not abs(trace["beta_deg"][-1]) <= limit_deg
     error = trace["q_deg_s"] - trace["q_ref_deg_s"]
     return Metrics(
         departed=departed,
         departed_at_s=float(trace["t_s"][-1]) if departed else None,
         tracking_rms_pre_deg_s=_rms(error[pre]),
         tracking_rms_post_deg_s=_rms(error[post]),
-        estimators_since_s=since,
+        estimators_since_s=_since(trace, "", failed_at_s),
         estimators={
-            name: _estimator(trace, name, *phases, readings=(readings or {}).get(name)) for name in trace.estimators
+            name: _estimator(
+                trace, name, *_phases(trace, _since(trace, name, failed_at_s)), readings=(readings or {}).get(name)
+            )
+            for name in trace.estimators
         },
     )
+
+
+def _since(trace: Trace, estimate: str, failed_at_s: float | None) -> float | None:
+    """Return the first time at which the K that an estimate is of is not 1, or, if it stays, the time of the first failure."""
+    changed = trace["t_s"][trace[true_share(estimate)] != 1.0]
+    return float(changed[0]) if changed.size else failed_at_s
 
 
 def _phases(trace: Trace, failed_at_s: float | None) -> tuple[Mask, Mask, Mask]:
@@ -129,7 +138,7 @@ def _phases(trace: Trace, failed_at_s: float | None) -> tuple[Mask, Mask, Mask]:
 def _estimator(
     trace: Trace, name: str, pre: Mask, failed: Mask, post: Mask, *, readings: float | None
 ) -> EstimatorMetrics:
-    truth, estimate = trace["effectiveness_true"], trace[f"{name}.effectiveness"]
+    truth, estimate = trace[true_share(name)], trace[f"{name}.effectiveness"]
     smoothed, nis, t = trace[f"{name}.effectiveness_smoothed"], trace[f"{name}.nis"], trace["t_s"]
 
     def first_within(values: Vector) -> float | None:
@@ -141,7 +150,7 @@ def _estimator(
         detected_at_s=_detected(trace, name, failed),
         false_alarms=int(np.max(trace[f"{name}.alarms"][pre], initial=0.0)),
         nees_mean_post=_nees(trace[f"{name}.effectiveness_raw"] - truth, trace[f"{name}.effectiveness_std"], post),
-        efficiency=_efficiency(trace, estimate - truth, post),
+        efficiency=_efficiency(trace, estimate - truth, post) if "." not in name else None,
         median_abs_error_post=_finite(np.median(np.abs(estimate - truth)[post])) if post.any() else None,
         rms_error_smoothed_post=_rms((smoothed - truth)[post]),
         std_pre=_finite(np.std(estimate[pre])) if pre.any() else None,

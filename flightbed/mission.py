@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from flightbed import factories
-from flightbed.assembly import assemble, sensor_noise
+from flightbed.assembly import assemble, names_of, sensor_noise
 from flightbed.blame import guarded, watched
 from flightbed.bound import bound, design_models, schedule_models
 from flightbed.errors import ExtensionError
+from flightbed.estimation.base import estimate_names
 from flightbed.excitation import with_excitation
 from flightbed.extension import named_by
 from flightbed.folder import check_target, shown, write_run
@@ -127,7 +128,7 @@ def _collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, li
 
     Where nobody looks on, and all parts are of the house, in compiled code: the samples are the same.
     """
-    control_hz, names, timings = scenario.rates.control_hz, [e.name for e in scenario.estimators], array("q")
+    control_hz, names, timings = scenario.rates.control_hz, names_of(scenario, flight.estimators), array("q")
     if pace is None and live is None and not named_by(scenario):
         rows = rows_of(flight)
         if rows is not None:
@@ -160,8 +161,9 @@ def _measured(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]
 def _readings(flight: Flight, scenario: Scenario) -> dict[str, float]:
     """Return of how many readings the NIS of each estimator is, of those that say so."""
     told = {
-        e.name: getattr(flown, "readings", None)
+        name: getattr(flown, "readings", None)
         for e, flown in zip(scenario.estimators, flight.estimators, strict=True)
+        for name in estimate_names(e.name, flown)
     }
     return {name: float(readings) for name, readings in told.items() if readings is not None}
 

@@ -10,6 +10,7 @@ from flightbed.aircraft import Aircraft, load_path
 from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law
 from flightbed.errors import AircraftError, DesignError, NoTrimError, ScenarioError
+from flightbed.lateral_directional import LateralDirectional, lateral_directional
 from flightbed.linear_aircraft import LinearAircraft, load_flyable
 from flightbed.linearize import linearize
 from flightbed.plant.airframe import JsbsimAirframe
@@ -34,6 +35,7 @@ class Plan:
     design: ShortPeriod
     gains: Gains | None  # None for a law that does not tell
     schedule: Schedule | None  # None if no estimator asks for it
+    lateral: LateralDirectional | None = None  # None if roll and yaw are left to the stock laws
 
 
 def plan(scenario: Scenario) -> Plan:
@@ -49,7 +51,7 @@ def plan(scenario: Scenario) -> Plan:
             'clear the key, --set aircraft.sha256="", to fly it all the same'
         )
     scenario = scenario.with_aircraft(load_path(scenario.aircraft.model), aircraft.sha256)
-    schedule = None
+    schedule, turning = None, None
     if isinstance(aircraft, LinearAircraft):
         if problems := _beyond_linear(scenario, aircraft):
             raise ScenarioError(problems)
@@ -58,7 +60,11 @@ def plan(scenario: Scenario) -> Plan:
         design = aircraft.design
     else:
         airframe, point = _trimmed(scenario, aircraft)
-        design = short_period(linearize(airframe, point), actuator_rad_s=aircraft.actuator.lag_rad_s)
+        model = linearize(airframe, point)
+        design = short_period(model, actuator_rad_s=aircraft.actuator.lag_rad_s)
+        if scenario.lateral.enabled:
+            lags = aircraft.lateral["aileron"].lag_rad_s, aircraft.lateral["rudder"].lag_rad_s
+            turning = lateral_directional(model, actuators_rad_s=lags)
         if any(estimator.model == "scheduled" for estimator in scenario.estimators):
             shift = repr(scenario.aircraft.cg_shift_cbar)
             fingerprint = (aircraft.sha256, shift, version("jsbsim"), version("flightbed"))
@@ -75,7 +81,7 @@ def plan(scenario: Scenario) -> Plan:
         raise DesignError(
             f"adaptation.limit_command: the law '{scenario.control.law}' does not tell its gains, set it to false"
         )
-    return Plan(scenario, aircraft, point, design, gains, schedule)
+    return Plan(scenario, aircraft, point, design, gains, schedule, turning)
 
 
 def law_of(scenario: Scenario, design: ShortPeriod) -> Law:

@@ -1,4 +1,4 @@
-"""Truth -> Measurement: the only door between them."""
+"""Truth -> Measurement, LateralTruth -> LateralMeasurement: the only doors between them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import repeat
 import numpy as np
 
 from flightbed.compiling import Array, compiled, plain
-from flightbed.signals import Measurement, Truth
+from flightbed.signals import LateralMeasurement, LateralTruth, Measurement, Truth
 
 _new = tuple.__new__
 Eight = tuple[float, float, float, float, float, float, float, float]
@@ -102,3 +102,41 @@ class Sensors:
     def _laid_out(self) -> list[list[float]]:
         self._rows = self.errors.tolist()
         return self._rows
+
+
+@dataclass(frozen=True)
+class LateralNoise:
+    """Standard deviations of white Gaussian noise, one draw per tick. rad, rad/s, rad/s, rad, rad."""
+
+    beta_rad: float
+    p_rad_s: float
+    r_rad_s: float
+    aileron_rad: float = 0.0
+    rudder_rad: float = 0.0
+
+
+class LateralSensors:
+    """Sensors of roll and yaw in one flight; as ``sensors.Sensors``.
+
+    Args:
+        noise: standard deviations.
+        ticks: length of the flight.
+        seed: of this flight's sensors; streams are spawned from it.
+
+    """
+
+    def __init__(self, noise: LateralNoise, *, ticks: int, seed: np.random.SeedSequence) -> None:
+        stds = astuple(noise)
+        drawn = [
+            std * np.random.default_rng(stream).standard_normal(ticks) if std else np.zeros(ticks)
+            for std, stream in zip(stds, seed.spawn(len(stds)), strict=True)
+        ]
+        self._rows: list[list[float]] = np.column_stack(drawn).tolist()
+
+    def read(self, tick: int, truth: LateralTruth) -> LateralMeasurement:
+        """Return the readings at a tick. An averaged surface position carries the same error as the present one."""
+        beta, p, r, aileron, rudder = self._rows[tick]
+        return LateralMeasurement(
+            truth.beta_rad + beta, truth.p_rad_s + p, truth.r_rad_s + r, truth.aileron_rad + aileron, truth.rudder_rad + rudder,
+            truth.aileron_mean_rad + aileron, truth.rudder_mean_rad + rudder,
+        )  # fmt: skip

@@ -79,9 +79,9 @@ class Adaptation:
             return q_ref_rad_s
         return _limited(q_ref_rad_s, believed, self.min_rad, self.max_rad, self.trim_rad, self.peak_per_reference)
 
-    def elevator_feedback(self, elevator_rad: float, believed: float) -> float:
+    def position_feedback(self, position_rad: float, believed: float) -> float:
         """Return the deflection that the law is fed, rad."""
-        return believed * elevator_rad if self.feedback == "effective" else elevator_rad
+        return believed * position_rad if self.feedback == "effective" else position_rad
 
     def command(self, demand_rad: float, believed: float) -> float:
         """Return the command, cut at the stops, rad."""

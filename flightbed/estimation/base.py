@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
+from flightbed.lateral_directional import LateralDirectional
 from flightbed.schedule import Schedule
-from flightbed.sensors import SensorNoise
+from flightbed.sensors import LateralNoise, SensorNoise
 from flightbed.short_period import ShortPeriod
-from flightbed.signals import Estimate, Measurement
+from flightbed.signals import Estimate, LateralMeasurement, Measurement
 
 
 class Estimator(Protocol):
@@ -22,6 +24,27 @@ class Estimator(Protocol):
         """Take the readings of the next tick, return the estimate at that tick."""
 
 
+@runtime_checkable
+class SurfacesEstimator(Protocol):
+    """An estimator of the effectiveness of several surfaces, in flights whose aileron and rudder are commanded.
+
+    Attributes:
+        surfaces: which, in the order of what ``update_all`` returns.
+
+    """
+
+    surfaces: tuple[str, ...]
+
+    def update_all(self, measurement: Measurement, lateral: LateralMeasurement) -> Sequence[Estimate]:
+        """Take the readings of the next tick, return an estimate for each surface; their state is the same."""
+
+
+def estimate_names(name: str, estimator: Estimator | SurfacesEstimator) -> list[str]:
+    """Return what the estimates of an estimator are called: by its name that of the elevator, NAME.aileron and NAME.rudder the others."""
+    surfaces = estimator.surfaces if isinstance(estimator, SurfacesEstimator) else ("elevator",)
+    return [name if surface == "elevator" else f"{name}.{surface}" for surface in surfaces]
+
+
 @dataclass(frozen=True, eq=False)
 class OnBoard:
     """What the flight computer knows before take-off.
@@ -31,6 +54,8 @@ class OnBoard:
         noise: standard deviations of the sensors, as believed.
         control_hz: rate of the measurements.
         schedule: pitch model over the envelope; None if no estimator of the flight asks for it.
+        lateral: model of roll and yaw at the trim point; None in a flight that leaves them to the plant.
+        lateral_noise: standard deviations of its sensors.
 
     """
 
@@ -38,3 +63,5 @@ class OnBoard:
     noise: SensorNoise
     control_hz: int
     schedule: Schedule | None = None
+    lateral: LateralDirectional | None = None
+    lateral_noise: LateralNoise | None = None

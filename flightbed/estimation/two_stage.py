@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightbed.estimation.kernels import Array, compiled
+from flightbed.compiling import Array, compiled
 
 
 @dataclass(frozen=True)

@@ -79,8 +79,8 @@ class SideslipCommand(_Shape):
 
     def as_command(self) -> Command:
         """Return the command whose deg/s are this one's deg."""
-        given = self.model_dump()
-        return Command(**given, amplitude_deg_s=given.pop("amplitude_deg"))
+        shape = {key: getattr(self, key) for key in _Shape.model_fields}
+        return Command(**shape, amplitude_deg_s=self.amplitude_deg)
 
 
 class Lateral(Settings):

@@ -38,7 +38,7 @@ def test_integral_adds_up_and_holds_at_the_stop() -> None:
 def test_the_correction_multiplies_the_whole_deflection_trim_included(feedback: str, fed: float) -> None:
     adaptation = Adaptation(enabled=True, estimator=0, floor=0.08, feedback=feedback, min_rad=-0.4, max_rad=0.4)
     believed = adaptation.believed(0.25)
-    assert adaptation.elevator_feedback(-0.08, believed) == pytest.approx(fed)
+    assert adaptation.position_feedback(-0.08, believed) == pytest.approx(fed)
     assert adaptation.command(-0.02, believed) == pytest.approx(-0.08)  # K x -0.08 = -0.02, the trim that is needed
 
 
