@@ -1,4 +1,4 @@
-"""LinearModel -> LateralDirectional: the design model of roll and yaw."""
+"""LinearModel -> LateralDirectional: the design model of roll and yaw; Airframe -> LateralTables, the same over Mach number and alpha."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.air import standard_air
 from flightbed.linearize import LinearModel
-from flightbed.short_period import zero_order_hold
+from flightbed.plant.base import Airframe, Controls, Motion
+from flightbed.schedule import nodes
+from flightbed.units import DEG
 
 Matrix = npt.NDArray[np.float64]
 
@@ -25,6 +28,7 @@ class LateralDirectional:
         gravity: d beta'/d phi, 1/s: near g/V.
         alpha_trim_rad: angle of attack of the trim point.
         actuators_rad_s: bandwidths of the actuators of aileron and rudder.
+        tables: the model over alpha; what is on board.
 
     """
 
@@ -33,20 +37,89 @@ class LateralDirectional:
     gravity: float
     alpha_trim_rad: float
     actuators_rad_s: tuple[float, float]
+    tables: LateralTables
 
     def with_actuators(self) -> tuple[Matrix, Matrix]:
         """Return A (5, 5) and B (5, 2) of (beta, p, r, aileron, rudder), the inputs commands."""
         lag = np.diag(self.actuators_rad_s)
         return np.block([[self.A, self.B], [np.zeros((2, 3)), -lag]]), np.vstack([np.zeros((3, 2)), lag])
 
-    def discrete(self, hz: float) -> tuple[Matrix, Matrix, Matrix]:
-        """Return A (3, 3), B (3, 2) and the column of phi (3,) over one period with all inputs held."""
-        phi, gamma = zero_order_hold(self.A, np.column_stack([self.B, [self.gravity, 0.0, 0.0]]), 1.0 / hz)
-        return phi, gamma[:, :2], gamma[:, 2]
+
+@dataclass(frozen=True, eq=False)
+class LateralTables:
+    """Roll and yaw over Mach number and alpha, at small sideslip, and how rotations couple. SI, radians.
+
+    Attributes:
+        mach: (M,) nodes; alpha_rad: (N,).
+        coefficients: (M, N, 3, 5): rows beta', p', r'; columns beta, p, r, aileron, rudder; per unit of dynamic pressure, what depends on the
+            airspeed taken out: the first row times V, the columns of p and r times V once more. Kinematics are left out.
+        coupling: (3, 2): what p q and q r add to p' and r' (rows 0, 1), and p r and p^2 - r^2 to q' (row 2).
+
+    """
+
+    mach: Matrix
+    alpha_rad: Matrix
+    coefficients: Matrix
+    coupling: Matrix
+
+    def packed(self) -> Matrix:
+        """Return all of it as one array, as ``estimation.surfaces_model`` reads it."""
+        parts = (self.coupling.ravel(), self.mach, self.alpha_rad, self.coefficients.ravel())
+        return np.concatenate([[float(len(self.mach)), float(len(self.alpha_rad))], *parts])
 
 
-def lateral_directional(model: LinearModel, *, actuators_rad_s: tuple[float, float]) -> LateralDirectional:
-    """Return the design model of an overlay aircraft whose aileron and rudder are inputs in rad."""
+_ALPHAS_RAD = (-10.0 * DEG, 30.0 * DEG)
+_FILL_RAD, _MACHS = 2.0 * DEG, 0.3  # nodes at least so close in alpha; so far to either side of the condition's Mach number
+_STEPS = (0.2 * DEG, 0.02, 0.02, 0.5 * DEG, 0.5 * DEG)  # of beta, p, r, aileron, rudder
+_SPIN = 0.1  # rad/s, from which the coupling of rotations is told
+
+
+def tabulate(airframe: Airframe, *, throttle: float) -> LateralTables:
+    """Tabulate roll and yaw of an airframe at its altitude, over alpha and around its Mach number; some 4000 evaluations, 0.1 s."""
+    sound, pressure = airframe.airspeed_m_s / airframe.mach, standard_air(airframe.altitude_m).pressure_pa
+
+    def rates(speed: float, alpha: float, x: Matrix, q: float = 0.0) -> Matrix:
+        beta, p, r, aileron, rudder = x.tolist()
+        motion = Motion(speed, alpha, alpha, q, airframe.altitude_m, beta, 0.0, p, r)
+        found = airframe.respond(motion, Controls(0.0, throttle, aileron, rudder)).rates
+        return np.array([found.beta, found.p, found.r, found.q])
+
+    mach = nodes(airframe.breakpoints("mach"), (max(0.1, airframe.mach - _MACHS), airframe.mach + _MACHS), None)
+    alphas = nodes(airframe.breakpoints("alpha"), _ALPHAS_RAD, _FILL_RAD)
+    table = np.empty((len(mach), len(alphas), 3, 5))
+    for i, M in enumerate(mach.tolist()):
+        speed = M * sound
+        for k, alpha in enumerate(alphas.tolist()):
+            here = table[i, k]
+            for j, step in enumerate(_STEPS):
+                x = np.zeros(5)
+                x[j] = step
+                here[:, j] = (rates(speed, alpha, x) - rates(speed, alpha, -x))[:3] / (2.0 * step)
+            here[0, 1] -= np.sin(alpha)
+            here[0, 2] += np.cos(alpha)
+        table[i] /= 0.7 * pressure * M * M
+        table[i, :, 0, :] *= speed
+        table[i, :, :, 1:3] *= speed
+
+    def spun(p: float, q: float, r: float) -> Matrix:
+        return rates(airframe.airspeed_m_s, 0.0, np.array([0.0, p, r, 0.0, 0.0]), q)
+
+    # Mixed differences: what is linear in the rates drops out.
+    s = _SPIN
+    by_pq, by_qr = (
+        (spun(*a) - spun(*b)) / (2.0 * s * s) for a, b in (((s, s, 0), (s, -s, 0)), ((0, s, s), (0, -s, s)))
+    )
+    even = 0.5 * (spun(s, 0, s) + spun(-s, 0, -s) - spun(s, 0, -s) - spun(-s, 0, s)) / (2.0 * s * s)
+    square = 0.25 * (spun(s, 0, 0) + spun(-s, 0, 0) - spun(0, 0, s) - spun(0, 0, -s)) / (s * s)
+    coupling = np.array([[by_pq[1], by_qr[1]], [by_pq[2], by_qr[2]], [even[3], square[3]]])
+    return LateralTables(mach, alphas, table, coupling)
+
+
+def lateral_directional(
+    model: LinearModel, airframe: Airframe, *, actuators_rad_s: tuple[float, float]
+) -> LateralDirectional:
+    """Return the design model of an overlay aircraft whose aileron and rudder are inputs in rad, and its tables."""
     A, B = model.part(STATES, INPUTS)
     banked, _ = model.part(("beta", "phi"), ())
-    return LateralDirectional(A, B, float(banked[0, 1]), model.trim.alpha_rad, actuators_rad_s)
+    tables = tabulate(airframe, throttle=model.trim.throttle_norm)
+    return LateralDirectional(A, B, float(banked[0, 1]), model.trim.alpha_rad, actuators_rad_s, tables)

@@ -64,7 +64,7 @@ def plan(scenario: Scenario) -> Plan:
         design = short_period(model, actuator_rad_s=aircraft.actuator.lag_rad_s)
         if scenario.lateral.enabled:
             lags = aircraft.lateral["aileron"].lag_rad_s, aircraft.lateral["rudder"].lag_rad_s
-            turning = lateral_directional(model, actuators_rad_s=lags)
+            turning = lateral_directional(model, airframe, actuators_rad_s=lags)
         if any(estimator.model == "scheduled" for estimator in scenario.estimators):
             shift = repr(scenario.aircraft.cg_shift_cbar)
             fingerprint = (aircraft.sha256, shift, version("jsbsim"), version("flightbed"))

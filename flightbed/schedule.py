@@ -95,8 +95,8 @@ def build_schedule(airframe: Airframe, *, throttle: float) -> Schedule:
         throttle: at which the aircraft will fly; thrust is tabulated over Mach number and altitude.
 
     """
-    mach = _nodes(airframe.breakpoints("mach"), MACHS, None)
-    alpha = _nodes(airframe.breakpoints("alpha"), ALPHAS_RAD, _FILL_RAD)
+    mach = nodes(airframe.breakpoints("mach"), MACHS, None)
+    alpha = nodes(airframe.breakpoints("alpha"), ALPHAS_RAD, _FILL_RAD)
     stops = airframe.inputs[0].low, airframe.inputs[0].high
     elevator = np.unique([*(e for e in airframe.breakpoints("elevator") if stops[0] < e < stops[1]), 0.0, *stops])
     elevator = elevator[np.diff(elevator, prepend=-np.inf) > 1e-3]
@@ -168,7 +168,7 @@ def load_schedule(
     return schedule.with_throttle(airframe, throttle)
 
 
-def _nodes(breakpoints: Sequence[float], span: tuple[float, float], fill: float | None) -> Array:
+def nodes(breakpoints: Sequence[float], span: tuple[float, float], fill: float | None) -> Array:
     """Return nodes on either side of each breakpoint inside, and more where they are further apart than ``fill``."""
     inside = [b for b in breakpoints if span[0] < b < span[1]]
     nodes = [span[0], *(b + side for b in inside for side in (-_BESIDE, _BESIDE)), span[1]]

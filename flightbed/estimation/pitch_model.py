@@ -13,7 +13,7 @@ from flightbed.units import G0
 
 
 @compiled
-def _cell(nodes: Array, at: int, count: int, value: float) -> tuple[int, float]:
+def cell(nodes: Array, at: int, count: int, value: float) -> tuple[int, float]:
     """Return the interval and the place in it, 0 to 1, among the nodes ``nodes[at : at + count]``; beyond the ends the nearest interval.
 
     The interval is told by where its first node lies in the array: a slice of it would cost more than the search.
@@ -73,10 +73,10 @@ def rates(
     pressure, sound = air(altitude_m)
     speed = mach * sound
     qbar = 0.7 * pressure * mach * mach
-    i, x = _cell(schedule, machs, M, mach)
-    j, y = _cell(schedule, alphas, N, min(max(alpha, schedule[alphas]), schedule[alphas + N - 1]))
-    e, z = _cell(schedule, elevators, E, acting)
-    h, t = _cell(schedule, altitudes, H, altitude_m)
+    i, x = cell(schedule, machs, M, mach)
+    j, y = cell(schedule, alphas, N, min(max(alpha, schedule[alphas]), schedule[alphas + N - 1]))
+    e, z = cell(schedule, elevators, E, acting)
+    h, t = cell(schedule, altitudes, H, altitude_m)
     dy = 1.0 / (schedule[alphas + j + 1] - schedule[alphas + j])
     dz = 1.0 / (schedule[elevators + e + 1] - schedule[elevators + e])
     here = thrusts + i * H + h

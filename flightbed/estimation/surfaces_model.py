@@ -1,0 +1,99 @@
+"""All three axes on board, compiled: alpha, q, beta, p, r at a measurement, linearized and discretized."""
+
+from __future__ import annotations
+
+from math import cos, sin, tan
+
+from flightbed.compiling import Array, compiled
+from flightbed.estimation.pitch_model import air, cell, rates
+from flightbed.units import G0
+
+
+@compiled
+def lateral_rates(tables: Array, A: Array, B: Array, alpha: float, mach: float, altitude_m: float) -> None:
+    """Write roll and yaw into the lower right of A (5, 5) and the last columns of B (5, 3), about symmetric flight at this alpha.
+
+    Args:
+        tables: ``LateralTables.packed()``.
+        A, B: continuous; rows and columns alpha, q, beta, p, r, and elevator, aileron, rudder.
+        alpha, mach, altitude_m: where.
+
+    """
+    machs, alphas = int(tables[0]), int(tables[1])
+    table = 8 + machs + alphas
+    pressure, sound = air(altitude_m)
+    speed, qbar = mach * sound, 0.7 * pressure * mach * mach
+    low, high = tables[8 + machs], tables[8 + machs + alphas - 1]
+    i, x = cell(tables, 8, machs, mach)
+    j, y = cell(tables, 8 + machs, alphas, min(max(alpha, low), high))
+    here = table + 15 * (i * alphas + j)
+    there = here + 15 * alphas
+    for row in range(3):
+        for column in range(5):
+            at = 5 * row + column
+            slow = (1.0 - y) * tables[here + at] + y * tables[here + at + 15]
+            fast = (1.0 - y) * tables[there + at] + y * tables[there + at + 15]
+            value = qbar * ((1.0 - x) * slow + x * fast)
+            if row == 0:
+                value /= speed
+            if column == 1 or column == 2:
+                value /= speed
+            if column < 3:
+                A[2 + row, 2 + column] = value
+            else:
+                B[2 + row, column - 2] = value
+    A[2, 3] += sin(alpha)
+    A[2, 4] -= cos(alpha)
+
+
+@compiled
+def local_model(
+    schedule: Array, tables: Array, work: Array, believed: float, dt: float, elevator: float,
+    alpha: float, q: float, mach: float, altitude_m: float, theta: float, phi: float, beta: float, p: float, r: float,
+) -> None:  # fmt: skip
+    """Write the model of one period: x+ = A x + B K u + c, x = (alpha, q, beta, p, r), u deflections of elevator, aileron, rudder.
+
+    Linearized at the measurement at the period's start, the pitch axis also at the deflection that acts if K is as ``believed``. What the
+    axes do to each other - kinematics, inertia, gravity at an angle of bank - is taken from the measurements too and goes into c.
+    Discretized by the series of the matrix exponential to third order.
+
+    Args:
+        schedule: ``Schedule.packed()``; tables: ``LateralTables.packed()``.
+        work: (10, 9): on return rows 0 to 4 are [A | B | c]; rows 5 to 9 are room.
+        believed: effectiveness of the elevator.
+        dt: the period, s.
+        elevator: mean deflection over the period, rad.
+        alpha, q, mach, altitude_m, theta, phi, beta, p, r: measured at the period's start.
+
+    """
+    G = work[5:10]
+    A, B = G[:, 0:5], G[:, 5:8]
+    G[:, :] = 0.0
+    pitch = work[0:2, 0:4]
+    rates(schedule, pitch, alpha, q, believed * elevator, mach, altitude_m, theta, phi)
+    for i in range(2):
+        A[i, 0], A[i, 1], B[i, 0] = pitch[i, 1], pitch[i, 2], pitch[i, 3]
+        G[i, 8] = pitch[i, 0] - pitch[i, 1] * alpha - pitch[i, 2] * q - pitch[i, 3] * believed * elevator
+    lateral_rates(tables, A, B, alpha, mach, altitude_m)
+    speed = mach * air(altitude_m)[1]
+    G[0, 8] -= (p * cos(alpha) + r * sin(alpha)) * tan(beta)
+    G[1, 8] += tables[6] * p * r + tables[7] * (p * p - r * r)
+    G[2, 8] += G0 / speed * cos(theta) * sin(phi)
+    G[3, 8] += tables[2] * p * q + tables[3] * q * r
+    G[4, 8] += tables[4] * p * q + tables[5] * q * r
+    # S = I dt + A dt^2/2 + A^2 dt^3/6, so that e^(A dt) = I + S A and what is held comes in through S.
+    s2, s3 = dt * dt / 2.0, dt * dt * dt / 6.0
+    S = work[0:5, 0:5]
+    for i in range(5):
+        for j in range(5):
+            square = 0.0
+            for k in range(5):
+                square += A[i, k] * A[k, j]
+            S[i, j] = s2 * A[i, j] + s3 * square + (dt if i == j else 0.0)
+    for i in range(5):
+        held = (S[i, 0], S[i, 1], S[i, 2], S[i, 3], S[i, 4])
+        for j in range(9):
+            total = 1.0 if i == j else 0.0
+            for k in range(5):
+                total += held[k] * G[k, j]
+            work[i, j] = total
