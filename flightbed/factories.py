@@ -19,9 +19,11 @@ from flightbed.control.base import Gains, Law
 from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
-from flightbed.estimation.base import Estimator, OnBoard
+from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
+from flightbed.estimation.surfaces import SurfacesConfig, TwoStagePitch, TwoStageSurfaces
+from flightbed.estimation.two_stage import ConstantForgetting, Forgetting, NoForgetting, VariableForgetting
 from flightbed.failures.airframe import cg_moved
 from flightbed.failures.base import Failing, healthy
 from flightbed.failures.effector import biased, damaged, driven, ramped, slowed, weakened
@@ -225,6 +227,35 @@ def differentiated_rls(settings: s.EstimatorSettings, onboard: OnBoard) -> Estim
         ),
         onboard,
     )
+
+
+def two_stage(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator | SurfacesEstimator:
+    """Two-stage Kalman filter with forgetting (Wu, Zhang and Zhou 2000): the elevator, or all surfaces that are commanded."""
+    forgetting: Forgetting = NoForgetting()
+    if settings.memory == "fading":
+        forgetting = ConstantForgetting(settings.forgetting)
+    elif settings.memory == "variable":
+        forgetting = VariableForgetting(settings.variance_min, settings.variance_max)
+    config = SurfacesConfig(
+        forgetting=forgetting,
+        walk_std=settings.walk_std,
+        test_window=settings.window,
+        false_alarm=settings.false_alarm,
+        smoothing=settings.smoothing,
+        bounds=(settings.bounds[0], settings.bounds[1]),
+        prior_std=settings.prior.effectiveness_std,
+        scheduled=settings.model == "scheduled",
+        disturbances=(
+            settings.alpha_disturbance_deg_s * DEG,
+            settings.q_disturbance_deg_s2 * DEG,
+            settings.beta_disturbance_deg_s * DEG,
+            settings.p_disturbance_deg_s2 * DEG,
+            settings.r_disturbance_deg_s2 * DEG,
+        ),
+    )
+    if onboard.lateral is None:
+        return TwoStagePitch(config, onboard)
+    return TwoStageSurfaces(config, onboard)
 
 
 def loop_gain_config(settings: s.EstimatorSettings) -> LoopGainConfig:

@@ -45,7 +45,7 @@ _BUILT_IN = MappingProxyType(
             "rate-limit": "rate_limit",
             "bias": "bias",
         },
-        "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls"},
+        "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls", "two-stage": "two_stage"},
         "studies": {"sillence": "flightbed.studies.sillence.study:sillence"},
     }
 )

@@ -252,7 +252,7 @@ class EstimatorSettings(OwnSettings):
     model: Literal["scheduled", "short-period"] = "scheduled"
     input: Literal["absolute", "deviation"] = "absolute"
     input_at: Literal["mean", "start", "end"] = "mean"
-    memory: Literal["window", "expanding", "fading"] = "window"
+    memory: Literal["window", "expanding", "fading", "variable"] = "window"
     window: Annotated[int, between(2, 10000)] = 30
     forgetting: Annotated[float, between(0.5, 1)] = 0.98
     smoothing: Annotated[float, between(0, 0.9999)] = 0.9
@@ -262,6 +262,13 @@ class EstimatorSettings(OwnSettings):
     hold_std: NonNegative = 0.3
     alpha_disturbance_deg_s: NonNegative = 0.05
     q_disturbance_deg_s2: NonNegative = 0.3
+    beta_disturbance_deg_s: NonNegative = 0.05
+    p_disturbance_deg_s2: NonNegative = 1.0
+    r_disturbance_deg_s2: NonNegative = 0.3
+    variance_min: Positive = 4e-4
+    variance_max: Positive = 1.0
+    walk_std: NonNegative = 1e-3
+    false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-4
     prior: Prior = Prior()
 
     @model_validator(mode="before")
