@@ -171,7 +171,7 @@ class TwoStageSurfaces:
     """
 
     readings = 5.0
-    surfaces = SURFACES
+    surfaces: tuple[str, ...] = SURFACES
 
     def __init__(self, config: SurfacesConfig, onboard: OnBoard) -> None:
         schedule, lateral, noise = onboard.schedule, onboard.lateral, onboard.lateral_noise
