@@ -244,6 +244,7 @@ def two_stage(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator | Su
         smoothing=settings.smoothing,
         bounds=(settings.bounds[0], settings.bounds[1]),
         prior_std=settings.prior.effectiveness_std,
+        follow_disturbances=settings.follow_disturbances,
         scheduled=settings.model == "scheduled",
         disturbances=(
             settings.alpha_disturbance_deg_s * DEG,

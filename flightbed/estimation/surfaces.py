@@ -35,21 +35,61 @@ class SurfacesConfig:
             law holds.
         smoothing, bounds: as in LoopGainConfig.
         prior_std: standard deviation of gamma at the start.
+        follow_disturbances: raise the process noise to what the readings show.
         scheduled: pitch axis on the schedule, else on the short period; flights with aileron and rudder are on tables always.
         disturbances: standard deviations of what the model does not tell, white, each held for a tick: rates of alpha (rad/s), q (rad/s^2),
             beta, p, r.
 
     """
 
-    forgetting: Forgetting = VariableForgetting(4e-4, 1.0)
-    walk_std: float = 1e-3
+    forgetting: Forgetting = VariableForgetting(2e-5, 1.0)
+    walk_std: float = 1e-4
     test_window: int = 3
     false_alarm: float = 1e-4
     smoothing: float = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
     prior_std: float = 0.63
+    follow_disturbances: bool = True
     scheduled: bool = True
     disturbances: tuple[float, float, float, float, float] = (0.05 * DEG, 0.3 * DEG, 0.05 * DEG, 1.0 * DEG, 0.3 * DEG)
+
+
+class Disturbances:
+    """What the readings show of disturbances, as variances to add to Q, so that sigma and test hold in rough air too.
+
+    The residual of one step from reading to reading, e = z - (A z_last + B K u + c), sums up the disturbances; in a leaky sum over some
+    15 ticks the sensors' noise, which enters as differences, all but cancels, and gusts that last add up. Its mean square over the last
+    seconds, less what the sensors explain, is the white noise that would do the same. As ``kernels.disturbance``, for any number of
+    states.
+
+    Args:
+        r: (n,) variances of the readings.
+
+    """
+
+    _LEAK = 1.0 - 1.0 / 15.0
+
+    def __init__(self, r: Array) -> None:
+        self._r, self._square, self._sum, self._k = r, r.copy(), np.zeros(len(r)), 0
+        self._last: Array | None = None
+
+    def update(self, z: Array, A: Array, BK: Array, c: Array, u: Array) -> Array:
+        """Take the readings (n,) at the end of a period and its model, B times the K believed; returns variances (n,)."""
+        self._k += 1
+        if self._last is None:
+            self._last = z
+            return np.zeros(len(z))
+        self._sum = self._LEAK * self._sum + z - (A @ self._last + BK @ u + c)
+        seen = np.minimum(self._sum**2, 4.0 * (self._square + self._r))
+        self._square += max(1.0 / 300.0, 1.0 / (self._k + 20.0)) * (seen - self._square)
+        self._last = z
+        found: Array = np.maximum(0.0, (1.0 - self._LEAK**2) * (self._square - 1.6 * self._r))
+        return found
+
+
+    def forgive(self) -> None:
+        """Drop the sums: what they hold is a change of K, not the air."""
+        self._sum = np.zeros(len(self._r))
 
 
 class _Filter:
@@ -71,6 +111,7 @@ class _Filter:
         self._test = BiasTest(BiasTestConfig(config.test_window, (threshold,) * inputs))
         self.smoothed, self._raised = [1.0] * inputs, [False] * inputs
         self._alarms = [0.0] * inputs
+        self._air = Disturbances(noise**2) if config.follow_disturbances else None
         self._filter: TwoStageFilter | None = None
         # Compile, or load what was compiled, now and not in flight.
         trial = self._begun(np.zeros(n))
@@ -88,12 +129,17 @@ class _Filter:
 
     def take(self, readings: Array, A: Array, B: Array, c: Array, u: Array, offset: float) -> list[Estimate]:
         """Return the estimates of all inputs at the next tick; ``offset`` is added to alpha."""
+        Q = self._matrices["Q"]
+        if self._air is not None:
+            Q = Q + np.diag(self._air.update(readings, A, B * np.array(self.smoothed), c, u))
         if self._filter is None:
             self._filter = self._begun(readings)
             found = self._filter.estimate
         else:
-            found = self._filter.step(A, B, self._C, u, readings, c)
+            found = self._filter.step(A, B, self._C, u, readings, c, Q)
         tested = self._test.update(found.gamma, found.gamma_covariance)
+        if self._air is not None and any(now and not was for now, was in zip(tested.raised, self._raised, strict=True)):
+            self._air.forgive()
         return [self._told(found, i, bool(tested.raised[i]), offset) for i in range(len(found.gamma))]
 
     def _told(self, found: TwoStageEstimate, i: int, raised: bool, offset: float) -> Estimate:

@@ -265,9 +265,9 @@ class EstimatorSettings(OwnSettings):
     beta_disturbance_deg_s: NonNegative = 0.05
     p_disturbance_deg_s2: NonNegative = 1.0
     r_disturbance_deg_s2: NonNegative = 0.3
-    variance_min: Positive = 4e-4
+    variance_min: Positive = 2e-5
     variance_max: Positive = 1.0
-    walk_std: NonNegative = 1e-3
+    walk_std: NonNegative = 1e-4
     false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-4
     prior: Prior = Prior()
 
