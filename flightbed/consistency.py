@@ -56,6 +56,7 @@ ACTUATOR_FAILURES: Mapping[str, str] = MappingProxyType(
     }
 )
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
+_WEIGHTS = ("alpha_deg", "q_deg_s", "elevator_deg")
 _KALMAN_ONLY = (
     "input", "input_at", "memory", "window", "alarm_threshold", "follow_disturbances", "hold_std",
     "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
@@ -97,6 +98,7 @@ def contradictions(scenario: Scenario) -> list[str]:
     control, adaptation = scenario.control, scenario.adaptation
     if control.state_from and control.state_from not in names:
         problems.append(_no_estimator("control.state_from", control.state_from, names))
+    problems += _redesign_contradictions(scenario)
     problems += _options_of_built_ins(scenario)
     if control.gains is not None and control.poles is not None:
         problems.append("control.poles: cannot go with control.gains, which are not designed; give one of them")
@@ -118,6 +120,27 @@ def _surface_contradictions(scenario: Scenario) -> list[str]:
             problems.append(
                 f"failures.{i}.surface: aileron and rudder are the stock laws' (got '{failure.surface}'); set lateral.enabled to true"
             )
+    return problems
+
+
+def _redesign_contradictions(scenario: Scenario) -> list[str]:
+    adaptation, problems = scenario.adaptation, []
+    if not (adaptation.enabled and adaptation.method == "redesign"):
+        return []
+    if scenario.control.law != "lq":
+        problems.append(
+            f"control.law: must be 'lq' with adaptation.method = 'redesign', which designs it anew (got '{scenario.control.law}')"
+        )
+    if adaptation.oracle:
+        problems.append(
+            "adaptation.oracle: cannot go with method = 'redesign', which waits for an estimator's alarm; set one of them"
+        )
+    elif adaptation.estimator in [e.name for e in scenario.estimators] and adaptation.estimator not in detectors(
+        scenario
+    ):
+        problems.append(
+            f"adaptation.estimator: must raise alarms with method = 'redesign' (got '{adaptation.estimator}', which has no test for a change of K)"
+        )
     return problems
 
 
@@ -187,10 +210,17 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
     if scenario.control.law == "proportional":
         keys |= {f"control.{key}": "control.law = 'proportional'" for key in ("integral_pole_rad_s", "gains.integral")}
     if not adaptation.enabled:
-        idle = ("estimator", "floor", "feedback", "caution", "oracle", "limit_command")
+        idle = ("estimator", "method", "floor", "feedback", "caution", "oracle", "limit_command")
         keys |= {f"adaptation.{key}": "adaptation.enabled = false" for key in idle}
+    elif adaptation.method == "redesign":
+        unused = ("feedback", "caution", "limit_command")
+        keys |= {f"adaptation.{key}": "adaptation.method = 'redesign'" for key in unused}
     elif adaptation.oracle:
         keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
+    if scenario.control.law != "lq" and registry.is_built_in("laws", scenario.control.law):
+        keys |= {f"control.weights.{key}": f"control.law = '{scenario.control.law}'" for key in _WEIGHTS}
+    if scenario.control.law == "lq":
+        keys |= {f"control.{key}": "control.law = 'lq'" for key in ("poles", "gains", "integral_pole_rad_s")}
     for i, failure in enumerate(scenario.failures):
         if failure.kind not in _FAILURE_NEEDS:  # other packages' may use any key
             continue
@@ -225,5 +255,5 @@ def detectors(scenario: Scenario) -> tuple[str, ...]:
     return tuple(
         e.name
         for e in scenario.estimators
-        if e.kind == "loop-gain" and e.memory == "window" and e.alarm_threshold > 0.0
+        if (e.kind == "loop-gain" and e.memory == "window" and e.alarm_threshold > 0.0) or e.kind == "two-stage"
     )

@@ -19,6 +19,7 @@ from flightbed.control.base import Gains, Law
 from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
+from flightbed.control.redesign import PitchWeights, RedesignedPitch
 from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
@@ -134,6 +135,16 @@ def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: 
         else design_integral(design, _poles(settings), integral_pole=settings.integral_pole_rad_s),
         alpha_trim_rad=design.alpha_trim_rad,
         elevator_trim_rad=design.elevator_trim_rad,
+        control_hz=control_hz,
+    )
+
+
+def lq(settings: s.Control, design: ShortPeriod, control_hz: int) -> Law:
+    """Proportional law with gains that are optimal for quadratic weights, designed anew for K-hat where adaptation asks for it."""
+    weights = settings.weights
+    return RedesignedPitch(
+        design,
+        PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG),
         control_hz=control_hz,
     )
 

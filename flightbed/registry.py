@@ -33,7 +33,7 @@ _BUILT_IN = MappingProxyType(
             "constant": "constant",
             "none": "none",
         },
-        "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral"},
+        "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral", "lq": "lq"},
         "failures": {
             "effectiveness": "effectiveness",
             "ramp": "ramp",

@@ -42,7 +42,7 @@ class SurfacesConfig:
 
     """
 
-    forgetting: Forgetting = VariableForgetting(2e-5, 1.0)
+    forgetting: Forgetting
     walk_std: float = 1e-4
     test_window: int = 3
     false_alarm: float = 1e-4
@@ -85,7 +85,6 @@ class Disturbances:
         self._last = z
         found: Array = np.maximum(0.0, (1.0 - self._LEAK**2) * (self._square - 1.6 * self._r))
         return found
-
 
     def forgive(self) -> None:
         """Drop the sums: what they hold is a change of K, not the air."""
