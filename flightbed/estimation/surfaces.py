@@ -17,7 +17,6 @@ from flightbed.estimation.two_stage import (
     TwoStageConfig,
     TwoStageEstimate,
     TwoStageFilter,
-    VariableForgetting,
 )
 from flightbed.signals import SURFACES, Estimate, LateralMeasurement, Measurement
 from flightbed.units import DEG
