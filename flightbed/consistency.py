@@ -139,7 +139,7 @@ def _redesign_contradictions(scenario: Scenario) -> list[str]:
         scenario
     ):
         problems.append(
-            f"adaptation.estimator: must raise alarms with method = 'redesign' (got '{adaptation.estimator}', which does not test for a change)"
+            f"adaptation.estimator: must raise alarms with method = 'redesign' (got '{adaptation.estimator}', which has no such test)"
         )
     return problems
 

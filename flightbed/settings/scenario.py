@@ -281,7 +281,7 @@ class EstimatorSettings(OwnSettings):
     variance_min: Positive = 2e-5
     variance_max: Positive = 1.0
     walk_std: NonNegative = 1e-4
-    false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-4
+    false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-6
     prior: Prior = Prior()
 
     @model_validator(mode="before")
