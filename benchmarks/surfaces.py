@@ -60,9 +60,8 @@ def confusion(runs: int, executor: Executor | None) -> None:
     cases = [(surface, to) for surface in SURFACES for to in TO]
     flights = fly_jobs([Job(_lost(*case), runs, columns) for case in cases], executor=executor)
     print(f"\n1. One surface loses effectiveness, to one of {TO}: {runs * len(cases)} flights")
-    print(
-        f"{'lost':>10} | found: {' '.join(f'{s:>9}' for s in (*SURFACES, 'nothing'))} | {'delay s':>20} | {'|K error| after 1 s':>22} | after 1 s, all the time"
-    )
+    surfaces = " ".join(f"{s:>9}" for s in (*SURFACES, "nothing"))
+    print(f"{'lost':>10} | found: {surfaces} | {'delay s':>20} | {'|K error| at 1 s':>22} | largest from 1 s on")
     for surface, name in zip(SURFACES, NAMES, strict=True):
         counted: Counter[str] = Counter()
         delays, at_once, always = [], [], []
