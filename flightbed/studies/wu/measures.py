@@ -32,6 +32,7 @@ class Measured(NamedTuple):
         largest: largest state, from the first change on.
         before: largest d of either input before the first change, or in the whole run without one.
         statistic: (N,), d of the first input.
+        worst: (N,), error of K-hat, of the input whose is larger.
         failed: sample after which the first change acts; N without one.
         nis: mean NIS from then on.
 
@@ -46,6 +47,7 @@ class Measured(NamedTuple):
     largest: float
     before: float
     statistic: Array
+    worst: Array
     failed: int
     nis: float
 
@@ -80,6 +82,7 @@ def measured(run: Run, case: Case) -> Measured:
         largest=float(np.max(np.abs(run.state[min(failed, samples - 1) :]))),
         before=float(np.max(run.statistic[:failed])),
         statistic=run.statistic[:, 0],
+        worst=np.sqrt(np.max(square, axis=1)),
         failed=failed,
         nis=float(np.mean(run.nis[min(failed, samples - 1) :])),
     )
@@ -89,6 +92,12 @@ def delay_s(run: Measured, threshold: float, period_s: float) -> float:
     """Return how long after the first change the test of the first input raises its alarm; infinite if never."""
     above = np.flatnonzero(run.statistic[run.failed :] > threshold)
     return float((above[0] + 1) * period_s) if above.size else np.inf
+
+
+def within_s(run: Measured, error: float, period_s: float) -> float:
+    """Return how long after the first change both errors of K-hat first are below a value; infinite if never."""
+    near = np.flatnonzero(run.worst[run.failed :] < error)
+    return float((near[0] + 1) * period_s) if near.size else np.inf
 
 
 def early(run: Measured, period_s: float) -> float:
