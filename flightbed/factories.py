@@ -19,7 +19,7 @@ from flightbed.control.base import Gains, Law
 from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
-from flightbed.control.redesign import PitchWeights, RedesignedPitch
+from flightbed.control.redesign import PitchWeights, RedesignedPitch, pitch_lq
 from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
@@ -141,12 +141,17 @@ def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: 
 
 def lq(settings: s.Control, design: ShortPeriod, control_hz: int) -> Law:
     """Proportional law with gains that are optimal for quadratic weights, designed anew for K-hat where adaptation asks for it."""
+    return RedesignedPitch(design, _pitch_weights(settings), control_hz=control_hz)
+
+
+def lq_gains(settings: s.Control, design: ShortPeriod, control_hz: int, effectiveness: float) -> Gains:
+    """Return the gains that the law lq has for a K."""
+    return pitch_lq(design, _pitch_weights(settings), control_hz=control_hz, effectiveness=effectiveness)
+
+
+def _pitch_weights(settings: s.Control) -> PitchWeights:
     weights = settings.weights
-    return RedesignedPitch(
-        design,
-        PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG),
-        control_hz=control_hz,
-    )
+    return PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG)
 
 
 def effectiveness(settings: s.Failure, before: Failing, control_hz: int) -> Failing:

@@ -11,6 +11,7 @@ together are gridded: positions are fed from one to the other, by which their ra
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +24,9 @@ from flightbed.control.roll_yaw import RollYaw
 from flightbed.lateral_directional import LateralDirectional
 from flightbed.short_period import ShortPeriod, zero_order_hold
 
-_RAYS, _STEP, _LIMIT = 96, 0.02, 2.0
-_GRID = np.linspace(0.02, 1.0, 50)
+_RAYS, _STEP, _LIMIT = 48, 0.02, 1.0
+_GRID = np.linspace(0.04, 1.0, 13)
+_HIGHEST = 100.0  # times K-hat, beyond which no crossing is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,46 +48,53 @@ class Margins:
         return np.interp(believed, self.believed, self.low), np.interp(believed, self.believed, self.high)
 
 
-def pitch_margins(design: ShortPeriod, gains: Gains, *, control_hz: int, effective: bool) -> Margins:
-    """Return the margins of a proportional law, with integral or without, corrected by 1/K-hat.
+def pitch_margins(
+    design: ShortPeriod, gains_for: Callable[[float], Gains], *, control_hz: int, corrected: bool, effective: bool
+) -> Margins:
+    """Return the margins of a proportional law, with integral or without.
 
     Args:
-        design, gains: model and law.
+        design: the healthy model.
+        gains_for: K-hat -> the gains that are flown then.
         control_hz: rate of the commands.
+        corrected: whether what the law asks for is divided by K-hat, else it is the command.
         effective: whether K-hat x position is fed back, else the position.
 
     """
     held = zero_order_hold(*design.with_actuator(), 1.0 / control_hz)
-    n = 3 + (gains.integral != 0.0)
-    M_0, B = np.zeros((n, n)), np.zeros(n)
-    M_0[:3, :3], B[:3] = held.A, held.b
-    motion, position = np.zeros(n), np.zeros(n)
-    motion[:2], position[2] = (gains.alpha, gains.q), gains.elevator
-    if gains.integral:
-        M_0[3, 3], M_0[3, 1], motion[3] = 1.0, -1.0 / control_hz, gains.integral
-    M_1 = np.outer(B, motion)
     low, high = np.empty(len(_GRID)), np.empty(len(_GRID))
     for i, K in enumerate(_GRID.tolist()):
-        fixed = M_0 + np.outer(B, position) / (1.0 if effective else K)
-        low[i], high[i] = (K * ratio for ratio in _interval(fixed, M_1))
+        if i and corrected and effective:  # only the ratio counts
+            low[i], high[i] = low[0] * K / _GRID[0], high[0] * K / _GRID[0]
+            continue
+        gains = gains_for(K)
+        n = 3 + (gains.integral != 0.0)
+        fixed, B, motion = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+        fixed[:3, :3], B[:3] = held.A, held.b
+        motion[:2] = gains.alpha, gains.q
+        if gains.integral:
+            fixed[3, 3], fixed[3, 1], motion[3] = 1.0, -1.0 / control_hz, gains.integral
+        # Of the command K times as much acts; a / K is fed back: K cancels there, and what is left are K-hat's.
+        divisor = K if corrected else 1.0
+        fixed[:, 2] += B * gains.elevator * (K if effective else 1.0) / divisor
+        low[i], high[i] = _interval(fixed, np.outer(B, motion) / divisor, K)
     return Margins(_GRID, low, high)
 
 
-def _interval(M_0: Array, M_1: Array) -> tuple[float, float]:
-    """Return between which rho around 1 M_0 + rho M_1 is stable; down to 0 at least."""
-    M = M_0 + M_1
+def _interval(M_0: Array, M_1: Array, K: float) -> tuple[float, float]:
+    """Return between which K' M_0 + K' M_1 is stable, starting from K; from 0 to a hundred times K."""
+    M = M_0 + K * M_1
     if spectral_radius(M) >= 1.0:
         return np.nan, np.nan
-    return 1.0 - first_crossing(M, -M_1, 1.0) if np.isfinite(
-        first_crossing(M, -M_1, 1.0)
-    ) else 0.0, 1.0 + first_crossing(M, M_1)
+    down, up = first_crossing(M, -M_1, K), first_crossing(M, M_1, _HIGHEST * K)
+    return max(0.0, K - down) if np.isfinite(down) else 0.0, K + min(up, _HIGHEST * K)
 
 
 def lateral_margin(law: RollYaw, design: LateralDirectional, *, control_hz: int) -> float:
     """Return by which share of their K-hat those of aileron and rudder may both be off before roll and yaw are unstable.
 
     The largest eps such that the loop is stable for all |K_i / K-hat_i - 1| <= eps, with K-hat x position fed back, by a grid of rays to
-    the faces of the box, each followed in steps of 0.02 and then bisected; not looked for beyond 2. The true K are not below 0.
+    the faces of the box, each followed in steps of 0.02 and then bisected; not looked for beyond 1, where a K would be negative.
     """
     A, B = zero_order_hold(*design.with_actuators(), 1.0 / control_hz)
     F = law.F
@@ -112,4 +121,4 @@ def lateral_margin(law: RollYaw, design: LateralDirectional, *, control_hz: int)
                     inside, outside = (middle, outside) if stable(1.0 + middle * ray) else (inside, middle)
                 best = min(best, inside)
                 break
-    return float(best)
+    return min(best, _LIMIT)

@@ -150,7 +150,7 @@ def _measured(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]
         raise ExtensionError(
             f"failures: what is left of the aircraft is no number from {at_s:g} s on; give finite values"
         )
-    trace = _with_bound(plan, trace)
+    trace = _with_margins(plan, _with_bound(plan, trace))
     trace = with_excitation(trace, m_delta=float(plan.design.b[1]), control_hz=plan.scenario.rates.control_hz)
     failed_at_s = _failed_at_s(plan.scenario, trace)
     readings = _readings(flight, plan.scenario)
@@ -185,6 +185,23 @@ def _with_bound(plan: Plan, trace: Trace) -> Trace:
         return trace
     window = next((e.window for e in estimators if e.memory == "window"), None)
     return trace.with_column("effectiveness_bound", bound(trace, models, sensor_noise(plan.scenario), window=window))
+
+
+def _with_margins(plan: Plan, trace: Trace) -> Trace:
+    """Add between which true K the pitch loop is stable while the law believes what it does."""
+    if plan.margins is None:
+        return trace
+    adaptation = plan.scenario.adaptation
+    believed = np.ones(len(trace))
+    if adaptation.enabled:
+        told = (
+            trace["effectiveness_true"]
+            if adaptation.oracle
+            else trace[f"{adaptation.estimator}.effectiveness_smoothed"]
+        )
+        believed = np.maximum(told, adaptation.floor)
+    low, high = plan.margins.at(believed)
+    return trace.with_column("effectiveness_stable_min", low).with_column("effectiveness_stable_max", high)
 
 
 def first_failure_s(scenario: Scenario) -> float | None:
