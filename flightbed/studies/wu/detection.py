@@ -97,6 +97,7 @@ def _law(found: _Runs) -> Table:
             [
                 loop,
                 name,
+                median_interval([run.gamma for run in runs]),
                 median_interval(late),
                 float(np.std(late)),
                 float(rho[0]),
@@ -107,12 +108,16 @@ def _law(found: _Runs) -> Table:
             ]
         )
     columns = (
-        "loop", "forgetting", "z, median", "z, standard deviation", "correlation", "degrees",
+        "loop", "forgetting", "gamma-hat, median", "z, median", "z, standard deviation", "correlation", "degrees",
         "above chi-square, L degrees", "all samples", "above chi-square, effective degrees", "all samples ", "mean NIS", "runs",
     )  # fmt: skip
-    formats = dict.fromkeys(columns[2:4], ".2f") | {"correlation": ".3f", "degrees": ".2f", "mean NIS": ".2f"}
+    formats = (
+        {columns[2]: ".3f"}
+        | dict.fromkeys(columns[3:5], ".2f")
+        | {"correlation": ".3f", "degrees": ".2f", "mean NIS": ".2f"}
+    )
     return Table(
-        "law_of_test", f"The law of d without failure, L = {L}", columns, rows, formats | dict.fromkeys(columns[6:10], ".3f"),
+        "law_of_test", f"The law of d without failure, L = {L}", columns, rows, formats | dict.fromkeys(columns[7:11], ".3f"),
         note=f"z = gamma-hat over its standard deviation, of the first input, at {printed.DURATION_S:g} s; correlation: of z from "
         f"sample to sample; above: share of the runs with d above a threshold of nominally {NOMINAL:g}, at the same time, with its "
         f"interval; all samples: the share of all samples from {QUIET_S:g} s on. NIS is {len(printed.AIRCRAFT.C)} in example 1 and "

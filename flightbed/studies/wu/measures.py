@@ -109,7 +109,7 @@ class Quiet(NamedTuple):
     """A run without failure, of what the test's law rests on: z = gamma-hat / sqrt(P_ii) of the first input, d of both.
 
     Attributes:
-        last: z at the end.
+        last, gamma: z and gamma-hat at the end.
         products: (lags,), mean of z(k) z(k + j), from ``QUIET_S`` on.
         statistic: (N,), d of the first input.
         largest: largest d of either input.
@@ -118,6 +118,7 @@ class Quiet(NamedTuple):
     """
 
     last: float
+    gamma: float
     products: Array
     statistic: Array
     largest: float
@@ -130,7 +131,8 @@ def quiet(seed: int, case: Case) -> Quiet:
     begin = round(QUIET_S / case.period_s)
     z = (run.estimate[begin:, 0] - 1.0) / run.deviation[begin:, 0]
     products = np.array([np.mean(z[: len(z) - j] * z[j:]) for j in range(case.window)])
-    return Quiet(float(z[-1]), products, run.statistic[:, 0], float(np.max(run.statistic)), float(np.mean(run.nis)))
+    gamma, largest = float(run.estimate[-1, 0] - 1.0), float(np.max(run.statistic))
+    return Quiet(float(z[-1]), gamma, products, run.statistic[:, 0], largest, float(np.mean(run.nis)))
 
 
 def autocorrelation(runs: Sequence[Quiet]) -> Array:

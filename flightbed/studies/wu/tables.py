@@ -39,8 +39,7 @@ def accuracy(runs: int) -> Part:
                 "The five scenarios of Table I with the law fixed, under a constant external input: without forgetting, with the "
                 "constant and with the variable factors.",
                 "What the constant factor gains over none it gains once the transient of the change is over, and with the canard: the "
-                "elevon alone, from the change on, it estimates worse than none in most scenarios, because with the past it forgets "
-                "what told the two inputs apart.",
+                "elevon alone, from the change on, it estimates worse than none in most scenarios.",
             ],
             [_glance(found), _by_input(found)],
         )
