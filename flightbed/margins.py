@@ -26,7 +26,7 @@ from flightbed.short_period import ShortPeriod, zero_order_hold
 
 _RAYS, _STEP, _LIMIT = 48, 0.02, 1.0
 _GRID = np.linspace(0.04, 1.0, 13)
-_HIGHEST = 100.0  # times K-hat, beyond which no crossing is told
+_HIGHEST = 100.0  # K beyond which no crossing is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +82,12 @@ def pitch_margins(
 
 
 def _interval(M_0: Array, M_1: Array, K: float) -> tuple[float, float]:
-    """Return between which K' M_0 + K' M_1 is stable, starting from K; from 0 to a hundred times K."""
+    """Return between which K' around K the loop M_0 + K' M_1 is stable; nothing outside 0 to 100 is told."""
     M = M_0 + K * M_1
     if spectral_radius(M) >= 1.0:
         return np.nan, np.nan
-    down, up = first_crossing(M, -M_1, K), first_crossing(M, M_1, _HIGHEST * K)
-    return max(0.0, K - down) if np.isfinite(down) else 0.0, K + min(up, _HIGHEST * K)
+    down, up = first_crossing(M, -M_1, K), first_crossing(M, M_1, _HIGHEST)
+    return max(0.0, K - down) if np.isfinite(down) else 0.0, min(K + up, _HIGHEST)
 
 
 def lateral_margin(law: RollYaw, design: LateralDirectional, *, control_hz: int) -> float:
