@@ -28,6 +28,7 @@ from flightbed.linear_aircraft import LinearAircraft
 from flightbed.live import Live
 from flightbed.loop import Flight
 from flightbed.loop import fly as _fly
+from flightbed.margins import lateral_margin
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
 from flightbed.pacing import Clock, paced, punctuality, with_timings
 from flightbed.plan import Plan, plan
@@ -100,11 +101,12 @@ def run(
         if live is not None:
             live.start(Shown.of(planned, readings=_readings(flight, scenario)))
         ready()
+        margins = _margins(planned, flight)  # of the laws as they are before the flight
         began = time.perf_counter()
         trace = _collected(flight, scenario, pace, live)
         wall = time.perf_counter() - began
         trace, metrics = _measured(planned, flight, trace)
-        result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall))
+        result = Result(planned, trace, metrics, {**_summary(planned, trace, metrics, wall), "margins": margins})
         if target is not None:
             result = dataclasses.replace(
                 result, folder=write_run(result, target, rerun=rerun, report=report, replace=replace)
@@ -208,6 +210,17 @@ def first_failure_s(scenario: Scenario) -> float | None:
     """Return the time of the tick at which the first failure acts, or None."""
     ticks = [factories.failure_tick(failure, scenario.rates.control_hz) for failure in scenario.failures]
     return min(ticks) / scenario.rates.control_hz if ticks else None
+
+
+def _margins(plan: Plan, flight: Flight) -> dict[str, Any]:
+    """Return of the healthy loops between which K of the elevator they are stable, and how far those of aileron and rudder may be off."""
+    found: dict[str, Any] = {}
+    if plan.margins is not None:
+        found["elevator"] = [float(end[0]) for end in plan.margins.at(np.ones(1))]
+    if plan.lateral is not None and flight.lateral is not None:
+        hz = plan.scenario.rates.control_hz
+        found["aileron_and_rudder"] = lateral_margin(flight.lateral.law, plan.lateral, control_hz=hz)
+    return found
 
 
 def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[str, Any]:
