@@ -94,6 +94,7 @@ def test_only_the_columns_that_histories_need_are_kept(flown: Campaign) -> None:
     assert flown.histories is not None
     assert set(flown.histories.mean) == {
         *HISTORIES,
+        "effectiveness_true",
         "scheduled.effectiveness_smoothed",
         "expanding.effectiveness_smoothed",
     }
