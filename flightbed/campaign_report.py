@@ -12,8 +12,9 @@ from flightbed import drawing, palette
 from flightbed.campaign import Campaign
 from flightbed.campaign_points import axis_words, criteria_words, points_section, value_words
 from flightbed.campaign_table import Quantity
-from flightbed.card import correction, failures, flown, gusts, outcome
+from flightbed.card import FOLLOWED, correction, flown, outcome
 from flightbed.document import Cell, Document, Listing, Picture, Section, Table, show
+from flightbed.event_log import failures, gusts
 from flightbed.extension import at_hand, permits
 from flightbed.figures import MARGIN, mark_changes, pictures
 from flightbed.moments import Moments
@@ -36,8 +37,8 @@ _MEANINGS = {
     "departed_at_s": "departure, over the flights that departed",
     "flown_s": "time flown",
     **{
-        f"tracking_rms_{when}_{quantity}": f"RMS of {error} {words}"
-        for quantity, error in (("deg_s", "q - q_ref"), ("p_deg_s", "p - p_ref"), ("beta_deg", "beta - beta_ref"))
+        f"tracking_rms_{when}_{key}": f"RMS of {error} {words}"
+        for error, key, _ in FOLLOWED
         for when, words in (
             ("pre", "before the first failure"),
             ("post", "from 0.3 s after the first failure; of a flight that ends early, as far as it got"),

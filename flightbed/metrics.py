@@ -210,9 +210,9 @@ def _finite(value: float | np.floating[Any]) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def at_stop(trace: Trace, actuator: Actuator) -> npt.NDArray[np.bool_]:
-    """Return at which ticks the elevator command is cut at a stop."""
-    command = trace["elevator_cmd_deg"] * DEG
+def at_stop(trace: Trace, actuator: Actuator, surface: str = "elevator") -> npt.NDArray[np.bool_]:
+    """Return at which ticks the command to a surface is cut at a stop of its actuator."""
+    command = trace[f"{surface}_cmd_deg"] * DEG
     return (command <= actuator.min_rad + 1e-9) | (command >= actuator.max_rad - 1e-9)
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 
 from flightbed import registry
-from flightbed.aircraft import Aircraft, load_path
+from flightbed.aircraft import Actuator, Aircraft, load_path
 from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law
 from flightbed.errors import AircraftError, DesignError, NoTrimError, ScenarioError
@@ -36,6 +37,12 @@ class Plan:
     gains: Gains | None  # None for a law that does not tell
     schedule: Schedule | None  # None if no estimator asks for it
     lateral: LateralDirectional | None = None  # None if roll and yaw are left to the stock laws
+
+    @property
+    def actuators(self) -> Mapping[str, Actuator]:
+        """Actuators of the surfaces that are commanded: of the elevator, or of all three, by name."""
+        turning = self.aircraft.lateral if self.lateral is not None and isinstance(self.aircraft, Aircraft) else {}
+        return {"elevator": self.aircraft.actuator, **turning}
 
 
 def plan(scenario: Scenario) -> Plan:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from flightbed.card import events, failures, plan_card, run_card
+from flightbed.card import plan_card, run_card
+from flightbed.event_log import events, failures
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
 
@@ -37,7 +38,7 @@ def test_gusts_and_failures_are_told_at_their_times() -> None:
     cg = "failures.1={kind='cg-shift', at_s=0.3, shift_cbar=0.01}"
     result = run(load_scenario("elevator-loss", ["failures.0.at_s=1.5", cg, *gusts, "duration_s=3"]))
     scenario, summary = result.plan.scenario, result.summary
-    told = {text: t for t, text, _ in events(scenario, result.trace, summary, result.plan.aircraft.actuator)}
+    told = {text: t for t, text, _ in events(scenario, result.trace, summary, result.plan.actuators)}
     assert told["gust: a gust of 9 ft/s down, rising for 0.25 s"] == 0.5
     assert told["gust: a gust of 12.5 ft/s up, rising for 2 s, held for 1 s"] == 1.0
     assert told["FAILURE: the c.g. moves to 1.0% of the chord aft of where it was at take-off"] == 0.3

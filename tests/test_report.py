@@ -13,12 +13,13 @@ import pytest
 
 from flightbed import data, drawing, palette
 from flightbed.document import Document, Listing, show
-from flightbed.figures import NIS_BOUND, pictures
+from flightbed.figures import pictures
 from flightbed.metrics import EstimatorMetrics
 from flightbed.mission import Result, run
 from flightbed.page import render
 from flightbed.report import ESTIMATOR_METRICS, run_report
 from flightbed.scenario import load_scenario
+from flightbed.statistics import chi_square_bound
 from flightbed.trace import Trace
 from tests.test_page import assert_self_contained, assert_sound, words
 
@@ -129,8 +130,9 @@ def test_facts_are_computed_from_what_is_drawn(flown: Result, report: Document) 
         in facts["pitch-rate"]
     )
     nis = flown.trace["scheduled.nis"][1:]
-    assert f"'scheduled': mean {nis.mean():.2f}, above the bound in {np.mean(nis > NIS_BOUND):.1%}" in facts["nis"]
-    assert pytest.approx(1.0 - np.exp(-NIS_BOUND / 2.0)) == 0.95  # chi-square with 2 degrees of freedom
+    bound = chi_square_bound(2)
+    assert f"'scheduled': mean {nis.mean():.2f}, above the bound 5.99 in {np.mean(nis > bound):.1%}" in facts["nis"]
+    assert pytest.approx(1.0 - np.exp(-bound / 2.0)) == 0.95  # chi-square with 2 degrees of freedom
     assert "stops at -25 and +25 deg" in facts["elevator"]
 
 
