@@ -51,8 +51,8 @@ class LateralTables:
 
     Attributes:
         mach: (M,) nodes; alpha_rad: (N,).
-        coefficients: (M, N, 3, 5): rows beta', p', r'; columns beta, p, r, aileron, rudder; per unit of dynamic pressure, what depends
-            on the airspeed taken out: the first row times V, the columns of p and r times V once more. Kinematics are left out.
+        coefficients: (M, N, 3, 5): rows beta', p', r'; columns beta, p, r, aileron, rudder; per unit of dynamic pressure, what depends on the
+            airspeed taken out: the first row times V, the columns of p and r times V once more. Kinematics are left out.
         coupling: (3, 2): what p q and q r add to p' and r' (rows 0, 1), and p r and p^2 - r^2 to q' (row 2).
 
     """
@@ -69,8 +69,7 @@ class LateralTables:
 
 
 _ALPHAS_RAD = (-10.0 * DEG, 30.0 * DEG)
-_FILL_RAD = 2.0 * DEG  # nodes of alpha lie at least so close
-_MACHS = 0.3  # so far the nodes reach to either side of the condition's Mach number
+_FILL_RAD, _MACHS = 2.0 * DEG, 0.3  # nodes at least so close in alpha; so far to either side of the condition's Mach number
 _STEPS = (0.2 * DEG, 0.02, 0.02, 0.5 * DEG, 0.5 * DEG)  # of beta, p, r, aileron, rudder
 _SPIN = 0.1  # rad/s, from which the coupling of rotations is told
 
