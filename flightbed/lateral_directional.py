@@ -69,7 +69,10 @@ class LateralTables:
 
 
 _ALPHAS_RAD = (-10.0 * DEG, 30.0 * DEG)
-_FILL_RAD, _MACHS = 2.0 * DEG, 0.3  # nodes at least so close in alpha; so far to either side of the condition's Mach number
+_FILL_RAD, _MACHS = (
+    2.0 * DEG,
+    0.3,
+)  # nodes at least so close in alpha; so far to either side of the condition's Mach number
 _STEPS = (0.2 * DEG, 0.02, 0.02, 0.5 * DEG, 0.5 * DEG)  # of beta, p, r, aileron, rudder
 _SPIN = 0.1  # rad/s, from which the coupling of rotations is told
 
