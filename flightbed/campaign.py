@@ -13,7 +13,7 @@ from pathlib import Path
 from flightbed.campaign_file import plain
 from flightbed.campaign_flights import CHUNK, Flown, chunk_of, fly_chunk
 from flightbed.campaign_table import Quantity, Row, passes, quantities, quantity
-from flightbed.consistency import detectors
+from flightbed.consistency import detectors, estimates
 from flightbed.engine import Engine, engine, results
 from flightbed.errors import FlightbedError, InputError
 from flightbed.extension import permits
@@ -59,8 +59,8 @@ class Campaign:
 
     @property
     def estimators(self) -> tuple[str, ...]:
-        """Names of the estimators, as the scenario orders them."""
-        return tuple(e.name for e in self.scenario.estimators)
+        """Names of the estimates, as the scenario orders their estimators."""
+        return estimates(self.scenario)
 
     @cached_property
     def flown(self) -> list[Row]:

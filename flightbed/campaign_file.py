@@ -9,7 +9,7 @@ from typing import Any
 from flightbed import data
 from flightbed.aircraft import load_path
 from flightbed.campaign_table import metric_columns
-from flightbed.consistency import idle_keys
+from flightbed.consistency import estimates, idle_keys
 from flightbed.errors import InputError, ScenarioError, did_you_mean
 from flightbed.extension import named_by
 from flightbed.linear_aircraft import load_flyable
@@ -96,7 +96,7 @@ def _programme(
         found.append(f"{place}: traces.indices: must be below {total}, the number of flights (got {unknown[0]})")
     models = [axis.values or () for axis in settings.axes if axis.key == "aircraft.model"]
     raw, fingerprints = _bound(raw, scenario, [str(v) for values in models for v in values])
-    found += _point_problems(settings, raw, points, place)
+    found += _point_problems(settings, raw, points, place, estimates(scenario))
     if found:
         raise ScenarioError(found)
     complete = validated(raw, place, {})
@@ -140,9 +140,12 @@ def _criteria_problems(settings: CampaignSettings, scenario: Scenario, place: st
 
 
 def _point_problems(
-    settings: CampaignSettings, raw: Mapping[str, Any], points: Sequence[Values], place: str
+    settings: CampaignSettings, raw: Mapping[str, Any], points: Sequence[Values], place: str, columns: Sequence[str]
 ) -> list[str]:
-    """Return what is wrong with the scenarios of the points, and with the ends of what is drawn; each problem once."""
+    """Return what is wrong with the scenarios of the points, and with the ends of what is drawn; each problem once.
+
+    All must have the same estimates, which are columns of the table.
+    """
     origins = {axis.key: f"{place}: axes.{i}" for i, axis in enumerate(settings.axes)}
     ends: list[Values] = [
         {**points[0], axis.key: float(end)}
@@ -163,6 +166,11 @@ def _point_problems(
         except ScenarioError as error:
             found.update(dict.fromkeys(error.problems))
             continue
+        for name in sorted(set(estimates(scenario)) ^ set(columns)):
+            there_is = "no" if name in columns else "an"
+            varied = ", ".join(f"{key} = {value}" for key, value in values.items())
+            problem = f"{place}: axes: {varied}: there is {there_is} estimate '{name}', unlike in the base; make two campaigns of it"
+            found[problem] = None
         without = idle_keys(scenario)
         idle.update({key: without[key] for key in values if key in without})
         effective.update(key for key in values if key not in without)

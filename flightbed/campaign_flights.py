@@ -10,12 +10,14 @@ from typing import Any
 
 from flightbed.blame import line_of
 from flightbed.campaign_table import Row, failed_row, row
+from flightbed.consistency import estimates
 from flightbed.errors import FlightbedError
 from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.mission import Plan, fly_plan, plan
 from flightbed.moments import Moments, total
 from flightbed.programme import Flight, Programme, flight_hash, scenario_of, versions
 from flightbed.settings import Scenario
+from flightbed.trace import true_share
 
 CHUNK = 10  # flights of a job: so many are done before progress and disk are told of them, and two workers share twenty
 HISTORIES = (
@@ -23,8 +25,7 @@ HISTORIES = (
     "q_ref_deg_s",
     "alpha_deg",
     "elevator_deg",
-    "effectiveness_true",
-)  # and of estimators the smoothed K
+)  # and of every estimate the smoothed K, and of its surface the true one
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Chunk:
         raw: base scenario, nested plain values.
         flights: in order of their indices.
         columns: of the trace, whose histories are added up; none of a programme with several points.
-        estimators: names.
+        estimators: names of the estimates.
         extensions: code of the user's own that flies.
 
     """
@@ -61,8 +62,9 @@ class Flown:
 def chunk_of(programme: Programme, number: int) -> Chunk:
     """Return chunk ``number`` of a programme: it depends on the programme alone, not on what has been flown."""
     indices = range(number * CHUNK, min((number + 1) * CHUNK, len(programme)))
-    names = tuple(e.name for e in programme.scenario.estimators)
-    columns = (*HISTORIES, *(f"{name}.effectiveness_smoothed" for name in names))
+    names = estimates(programme.scenario)
+    truths = dict.fromkeys(map(true_share, ("", *names)))
+    columns = (*HISTORIES, *truths, *(f"{name}.effectiveness_smoothed" for name in names))
     return Chunk(
         number,
         dict(programme.raw),

@@ -10,6 +10,7 @@ import tomli_w
 
 from flightbed.campaign import Campaign, departed, passed
 from flightbed.campaign_table import Row, quantities, write_table
+from flightbed.consistency import estimates
 from flightbed.folder import to_json
 from flightbed.journal import Journal
 from flightbed.mission import run as fly_one
@@ -118,8 +119,8 @@ def summary_of(rows: Sequence[Row], scenario: Scenario) -> Mapping[str, Any]:
         "passed": _share(passed(rows), sum(row["passed"] is True for row in rows)),
         **{column: values for column, values in numbers.items() if "." not in column},
         "estimators": {
-            e.name: {c.removeprefix(f"{e.name}."): v for c, v in numbers.items() if c.startswith(f"{e.name}.")}
-            for e in scenario.estimators
+            name: {c.removeprefix(f"{name}."): v for c, v in numbers.items() if c.rpartition(".")[0] == name}
+            for name in estimates(scenario)
         },
     }
 

@@ -12,14 +12,17 @@ from flightbed import drawing, palette
 from flightbed.campaign import Campaign
 from flightbed.campaign_points import axis_words, criteria_words, points_section, value_words
 from flightbed.campaign_table import Quantity
-from flightbed.card import correction, failures, flown, gusts, outcome
+from flightbed.card import FOLLOWED, correction, flown, outcome
 from flightbed.document import Cell, Document, Listing, Picture, Section, Table, show
+from flightbed.event_log import failures, gusts
 from flightbed.extension import at_hand, permits
 from flightbed.figures import MARGIN, mark_changes, pictures
 from flightbed.moments import Moments
+from flightbed.naming import numbered
 from flightbed.programme import versions
 from flightbed.report import ESTIMATOR_METRICS, again
 from flightbed.statistics import Interval
+from flightbed.trace import true_share
 from flightbed.units import unit_of
 
 if TYPE_CHECKING:
@@ -33,8 +36,14 @@ _MOST_ERRORS = 20  # that the page tells
 _MEANINGS = {
     "departed_at_s": "departure, over the flights that departed",
     "flown_s": "time flown",
-    "tracking_rms_pre_deg_s": "RMS of q - q_ref before the first failure",
-    "tracking_rms_post_deg_s": "the same from 0.3 s after it; of a flight that ends early, as far as it got",
+    **{
+        f"tracking_rms_{when}_{key}": f"RMS of {error} {words}"
+        for error, key, _ in FOLLOWED
+        for when, words in (
+            ("pre", "before the first failure"),
+            ("post", "from 0.3 s after the first failure; of a flight that ends early, as far as it got"),
+        )
+    },
     **{key: meaning for key, (_, meaning) in ESTIMATOR_METRICS.items()},
 }
 
@@ -208,7 +217,7 @@ def _medians(campaign: Campaign) -> list[Table]:
 
 
 def _colors(campaign: Campaign) -> dict[str, str]:
-    return {name: palette.estimate(i) for i, name in enumerate(campaign.estimators)}
+    return {name: palette.estimate(i) for name, i in numbered(campaign.estimators).items()}
 
 
 def _distributions(campaign: Campaign) -> list[Picture]:
@@ -303,8 +312,9 @@ def _histories(campaign: Campaign, histories: Moments) -> list[Picture]:
         return "; ".join(words) + "."
 
     def gain(axes: list[Axes]) -> str:
-        words, truth = [], histories.mean["effectiveness_true"]
+        words = []
         for axis, (name, color) in zip(axes, _colors(campaign).items(), strict=True):
+            truth = histories.mean[true_share(name)]
             drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.2, label="truth")
             mean, std = band(axis, f"{name}.effectiveness_smoothed", color, f"smoothed K of '{name}', mean, +-1 sigma")
             axis.set_ylim(-0.08, max(1.25, min(3.0, float(np.nanmax(mean[t > 0.3], initial=0.0)) + 0.1)))

@@ -9,7 +9,7 @@ from math import inf, isfinite
 from pathlib import Path
 from types import MappingProxyType
 
-from flightbed.consistency import detectors
+from flightbed.consistency import detectors, estimates
 from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.programme import Flight
 from flightbed.settings import Criterion, Scenario
@@ -19,8 +19,13 @@ from flightbed.units import unit_of
 Value = int | float | bool | str | None
 Row = Mapping[str, Value]
 
+# None of flights whose aileron and rudder are not commanded: those of roll rate and sideslip.
+TRACKING = (
+    "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s", "tracking_rms_pre_p_deg_s", "tracking_rms_post_p_deg_s",
+    "tracking_rms_pre_beta_deg", "tracking_rms_post_beta_deg",
+)  # fmt: skip
 _METRICS = (
-    "departed", "ended", "departed_at_s", "flown_s", "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s", "estimators_since_s",
+    "departed", "ended", "departed_at_s", "flown_s", *TRACKING, "estimators_since_s",
 )  # fmt: skip
 _KINDS = MappingProxyType(
     {
@@ -76,7 +81,7 @@ class Quantity:
 
 def metric_columns(scenario: Scenario) -> list[str]:
     """Return the columns of the table that are metrics of a flight."""
-    return _metric_columns([e.name for e in scenario.estimators])
+    return _metric_columns(estimates(scenario))
 
 
 def _metric_columns(estimators: Iterable[str]) -> list[str]:
@@ -100,8 +105,7 @@ def row(flight: Flight, known: str, metrics: Metrics, *, ticks: int, scenario: S
         "ended": "departed" if metrics.departed else "time" if ticks == scenario.ticks else "ground",
         "departed_at_s": metrics.departed_at_s,
         "flown_s": ticks / scenario.rates.control_hz,
-        "tracking_rms_pre_deg_s": metrics.tracking_rms_pre_deg_s,
-        "tracking_rms_post_deg_s": metrics.tracking_rms_post_deg_s,
+        **{key: getattr(metrics, key) for key in TRACKING},
         "estimators_since_s": metrics.estimators_since_s,
         **{
             f"{name}.{metric}": value

@@ -138,7 +138,7 @@ def view(
         run_folder: A folder that `flightbed run` or `flightbed compare` wrote.
         picture: Write what the viewer shows to this PNG file instead; needs no display.
         at_s: Flight time in the picture, s; the end of the flight without it.
-        tab: Page in the picture: overview, estimators or airframe.
+        tab: Page in the picture: overview, estimators, airframe, or roll and yaw, where they are flown.
 
     """
     from flightbed.folder import recording_of

@@ -20,6 +20,7 @@ from flightbed.document import Cell, Table
 from flightbed.errors import FlightbedError, OutputError
 from flightbed.folder import folder_of
 from flightbed.metrics import SETTLING_S
+from flightbed.naming import estimate_name
 from flightbed.scenario import load_scenario
 from flightbed.trace import Trace, Vector, read_trace
 
@@ -36,9 +37,9 @@ _ESTIMATOR = {
     "- mean NIS, 1": "nis_mean",
 }
 _NOTE = (
-    "RMS is of q - q_ref, of all runs over the same time, as long as each flew. Of each estimator: the errors of K from 0.3 s after the "
-    "run's failure, how long after it K was first within 20 % and a change was declared, and the mean NIS. In brackets the difference from "
-    "the first run."
+    "RMS is of q - q_ref, or of p and beta less their references, of all runs over the same time, as long as each flew. Of each "
+    "estimator: the errors of K from 0.3 s after the run's failure, how long after it K was first within 20 % and a change was declared, "
+    "and the mean NIS. In brackets the difference from the first run."
 )
 
 
@@ -73,6 +74,16 @@ class Run:
         hz, end = float(self.settings["rates.control_hz"]), float(self.trace["t_s"][-1])
         times = {ceil(v * hz - 1e-6) / hz for k, v in self.settings.items() if re.fullmatch(r"failures\.\d+\.at_s", k)}
         return tuple(sorted(t_s for t_s in times if t_s <= end + 1e-9))
+
+    @property
+    def lateral(self) -> bool:
+        """Whether its aileron and rudder were commanded."""
+        return "aileron_deg" in self.trace.columns
+
+    def smoothed(self, surface: str) -> Vector | None:
+        """Return the smoothed K of a surface, of the estimator to look at; None if it does not estimate it."""
+        name = "" if self.watched is None else estimate_name(self.watched, surface)
+        return self.trace[f"{name}.effectiveness_smoothed"] if name in self.trace.estimators else None
 
     @property
     def outcome(self) -> str:
@@ -212,21 +223,32 @@ def metrics_table(runs: Sequence[Run]) -> Table:
 def tracking(runs: Sequence[Run]) -> dict[str, list[float | None]]:
     """Return the RMS of q - q_ref of all runs, over the same time: before the first failure of any of them, and from 0.3 s after it.
 
-    Metrics of a run count from its own failure, which a run without has not.
+    Of runs with roll and yaw that of p - p_ref and beta - beta_ref too. Metrics of a run count from its own failure, which a run without
+    has not.
     """
     reached = [t_s for run in runs for t_s in run.failures_s]
-    if not reached:
-        return {"RMS, deg/s": [_rms(run, 0.0, inf) for run in runs]}
-    at_s = min(reached)
+    spans = {"": (0.0, inf)}
+    if reached:
+        at_s = min(reached)
+        late_s = at_s + SETTLING_S
+        spans = {f" before {at_s:g} s": (0.0, at_s), f" from {late_s:g} s": (late_s, inf)}
+    followed = _FOLLOWED if any(run.lateral for run in runs) else _FOLLOWED[:1]
     return {
-        f"RMS before {at_s:g} s, deg/s": [_rms(run, 0.0, at_s) for run in runs],
-        f"RMS from {at_s + SETTLING_S:g} s, deg/s": [_rms(run, at_s + SETTLING_S, inf) for run in runs],
+        f"RMS{of}{words}, {unit}": [_rms(run, f"{name}_{suffix}", f"{name}_ref_{suffix}", *span) for run in runs]
+        for of, name, suffix, unit in followed
+        for words, span in spans.items()
     }
 
 
-def _rms(run: Run, begin_s: float, end_s: float) -> float | None:
+# What follows a reference: how it is told, its column and that of its reference, with the unit's suffix between them; the unit.
+_FOLLOWED = (("", "q", "deg_s", "deg/s"), (" of p", "p", "deg_s", "deg/s"), (" of beta", "beta", "deg", "deg"))
+
+
+def _rms(run: Run, column: str, reference: str, begin_s: float, end_s: float) -> float | None:
     t = run.trace["t_s"]
-    error = (run.trace["q_deg_s"] - run.trace["q_ref_deg_s"])[(t >= begin_s - 1e-9) & (t < end_s - 1e-9)]
+    if column not in run.trace.columns:
+        return None
+    error = (run.trace[column] - run.trace[reference])[(t >= begin_s - 1e-9) & (t < end_s - 1e-9)]
     value = float(np.sqrt(np.mean(error**2))) if error.size else None
     return value if value is not None and isfinite(value) else None
 

@@ -18,6 +18,14 @@ _ROWS = (
     ("Angle of attack, deg", "alpha_deg", "", "", ""),
     ("Load factor nz, g", "nz_g", "", "", ""),
 )
+_TURNING = (
+    ("Roll rate, deg/s", "p_deg_s", "p_ref_deg_s", palette.REFERENCE, "reference"),
+    ("Sideslip, deg", "beta_deg", "beta_ref_deg", palette.REFERENCE, "reference"),
+    ("Aileron K, share", "effectiveness.aileron", "effectiveness_aileron_true", palette.TRUTH, "true"),
+    ("Rudder K, share", "effectiveness.rudder", "effectiveness_rudder_true", palette.TRUTH, "true"),
+    ("Aileron, deg", "aileron_deg", "", "", ""),
+    ("Rudder, deg", "rudder_deg", "", "", ""),
+)  # of flights with roll and yaw of their own
 
 
 def comparison_report(runs: Sequence[Run]) -> Document:
@@ -48,12 +56,13 @@ def comparison_report(runs: Sequence[Run]) -> Document:
 
 
 def _draw(runs: Sequence[Run]) -> str:
-    with drawing.canvas(len(_ROWS), height=1.9) as (axes, svg):
-        for row, (title, column, shared, color, name) in zip(axes, _ROWS, strict=True):
+    rows = (*_ROWS, *(_TURNING if any(run.lateral for run in runs) else ()))
+    with drawing.canvas(len(rows), height=1.9) as (axes, svg):
+        for row, (title, column, shared, color, name) in zip(axes, rows, strict=True):
             told: list[tuple[Vector, Vector]] = []
             for run in runs:
                 t = run.trace["t_s"]
-                if shared and not any(same_line(t, run.trace[shared], *other) for other in told):
+                if shared in run.trace.columns and not any(same_line(t, run.trace[shared], *o) for o in told):
                     told.append((t, run.trace[shared]))
                     row.plot(t, run.trace[shared], color=color, label="_" if len(told) > 1 else name)
             for run in runs:
@@ -71,9 +80,8 @@ def _draw(runs: Sequence[Run]) -> str:
 
 
 def _values(run: Run, column: str) -> Vector | None:
-    if column != "effectiveness":
-        return run.trace[column]
-    return None if run.watched is None else run.trace[f"{run.watched}.effectiveness_smoothed"]
+    quantity, _, surface = column.partition(".")
+    return run.smoothed(surface or "elevator") if quantity == "effectiveness" else run.trace.columns.get(column)
 
 
 def _plain(label: str) -> str:

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 from flightbed import registry
 from flightbed.command.harmonics import MOST_HARMONICS, harmonics
 from flightbed.errors import did_you_mean
+from flightbed.naming import estimate_name
+from flightbed.signals import SURFACES
 
 if TYPE_CHECKING:
-    from flightbed.settings import Command, Scenario, SideslipCommand
+    from flightbed.settings import Command, EstimatorSettings, Scenario, SideslipCommand
 
 _PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
 _BAND = _PULSES | {"low_hz", "high_hz"}
@@ -57,10 +59,24 @@ ACTUATOR_FAILURES: Mapping[str, str] = MappingProxyType(
 )
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
 _WEIGHTS = ("alpha_deg", "q_deg_s", "elevator_deg")
-_KALMAN_ONLY = (
-    "input", "input_at", "memory", "window", "alarm_threshold", "follow_disturbances", "hold_std",
-    "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
+_LATERAL_DISTURBANCES = ("beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_disturbance_deg_s2")
+_LOOP_GAIN_ONLY = ("input", "input_at", "alarm_threshold", "follow_disturbances", "hold_std")
+_TWO_STAGE_ONLY = (*_LATERAL_DISTURBANCES, "variance_min", "variance_max", "walk_std", "false_alarm")
+_PRIOR = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
+# What a kind of estimator has no use for, whatever its other settings; kinds of installed packages may use any key.
+_ESTIMATOR_IDLE: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "loop-gain": _TWO_STAGE_ONLY,
+        "differentiated-rls": (
+            *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PRIOR, "memory", "window", "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
+        ),
+        "two-stage": ("input", "input_at", "alarm_threshold", "hold_std", *_PRIOR, "prior.effectiveness"),
+    }
 )  # fmt: skip
+# The memories that a kind has; one that is not here has no use for the key.
+_MEMORIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"loop-gain": ("window", "expanding", "fading"), "two-stage": ("expanding", "fading", "variable")}
+)
 
 
 def contradictions(scenario: Scenario) -> list[str]:
@@ -91,10 +107,7 @@ def contradictions(scenario: Scenario) -> list[str]:
     for i, estimator in enumerate(scenario.estimators):
         if estimator.name in names[:i]:
             problems.append(f"estimators.{i}.name: must be unique (got '{estimator.name}' twice)")
-        if estimator.kind == "loop-gain" and estimator.model == "scheduled" and estimator.input == "deviation":
-            problems.append(
-                f"estimators.{i}.input: must be 'absolute' with model = 'scheduled', which knows no trim (got 'deviation')"
-            )
+        problems += _estimator_contradictions(f"estimators.{i}", estimator, lateral=scenario.lateral.enabled)
     control, adaptation = scenario.control, scenario.adaptation
     if control.state_from and control.state_from not in names:
         problems.append(_no_estimator("control.state_from", control.state_from, names))
@@ -104,6 +117,26 @@ def contradictions(scenario: Scenario) -> list[str]:
         problems.append("control.poles: cannot go with control.gains, which are not designed; give one of them")
     if adaptation.enabled and not adaptation.oracle and adaptation.estimator not in names:
         problems.append(_no_estimator("adaptation.estimator", adaptation.estimator, names))
+    return problems
+
+
+def _estimator_contradictions(place: str, estimator: EstimatorSettings, *, lateral: bool) -> list[str]:
+    kind, memory, problems = estimator.kind, estimator.memory, []
+    if kind == "loop-gain" and estimator.model == "scheduled" and estimator.input == "deviation":
+        problems.append(
+            f"{place}.input: must be 'absolute' with model = 'scheduled', which knows no trim (got 'deviation')"
+        )
+    if memory not in (known := _MEMORIES.get(kind, (memory,))):
+        words = f"{', '.join(map(repr, known[:-1]))} or {known[-1]!r}"
+        problems.append(f"{place}.memory: must be {words} with kind = '{kind}' (got '{memory}')")
+    if kind == "two-stage" and memory == "variable" and not estimator.variance_min < estimator.variance_max:
+        problems.append(
+            f"{place}.variance_min: must be below variance_max = {estimator.variance_max:g} (got {estimator.variance_min:g})"
+        )
+    if kind == "two-stage" and lateral and estimator.model != "scheduled":
+        problems.append(
+            f"{place}.model: must be 'scheduled' with kind = 'two-stage' and lateral.enabled = true (got '{estimator.model}')"
+        )
     return problems
 
 
@@ -230,16 +263,25 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
         keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
     for i, estimator in enumerate(scenario.estimators):
         place = f"estimators.{i}"
-        if estimator.kind == "differentiated-rls":
-            prior = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
-            keys |= {f"{place}.{key}": f"{place}.kind = 'differentiated-rls'" for key in (*_KALMAN_ONLY, *prior)}
-        if estimator.kind != "loop-gain":  # other packages' may use any key
-            continue
-        for key, memory in (("window", "window"), ("alarm_threshold", "window"), ("forgetting", "fading")):
-            if estimator.memory != memory:
-                keys[f"{place}.{key}"] = f"{place}.memory = '{estimator.memory}'"
-        if estimator.prior.state == "measurement":
-            keys |= {f"{place}.prior.{key}": f"{place}.prior.state = 'measurement'" for key in _FIXED_PRIOR}
+        idle_here = _idle_in_estimator(place, estimator, lateral=lateral.enabled)
+        keys |= {f"{place}.{key}": why for key, why in idle_here.items()}
+    return keys
+
+
+def _idle_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: bool) -> dict[str, str]:
+    kind = estimator.kind
+    keys = dict.fromkeys(_ESTIMATOR_IDLE.get(kind, ()), f"{place}.kind = '{kind}'")
+    only_with = {
+        "loop-gain": {"window": "window", "alarm_threshold": "window", "forgetting": "fading"},
+        "two-stage": {"forgetting": "fading", "variance_min": "variable", "variance_max": "variable"},
+    }
+    for key, memory in only_with.get(kind, {}).items():
+        if estimator.memory != memory:
+            keys[key] = f"{place}.memory = '{estimator.memory}'"
+    if kind == "two-stage" and not lateral:
+        keys |= dict.fromkeys(_LATERAL_DISTURBANCES, "lateral.enabled = false")
+    if kind == "loop-gain" and estimator.prior.state == "measurement":
+        keys |= {f"prior.{key}": f"{place}.prior.state = 'measurement'" for key in _FIXED_PRIOR}
     return keys
 
 
@@ -250,10 +292,21 @@ def _idle_in_command(place: str, command: Command | SideslipCommand) -> dict[str
     return {f"{place}.{key}": f"{place}.kind = '{command.kind}'" for key in unused}
 
 
+def estimates(scenario: Scenario) -> tuple[str, ...]:
+    """Return what the estimates of a flight are called, in their order (``naming.py``)."""
+    return tuple(name for e in scenario.estimators for name in _estimates_of(e, lateral=scenario.lateral.enabled))
+
+
+def _estimates_of(estimator: EstimatorSettings, *, lateral: bool) -> list[str]:
+    surfaces = SURFACES if lateral and estimator.kind == "two-stage" else SURFACES[:1]
+    return [estimate_name(estimator.name, surface) for surface in surfaces]
+
+
 def detectors(scenario: Scenario) -> tuple[str, ...]:
-    """Return the names of the estimators that test for a change of K; of code outside flightbed nobody knows, until it raises an alarm."""
+    """Return the names of the estimates that are tested for a change; of code outside flightbed nobody knows, until it raises an alarm."""
     return tuple(
-        e.name
+        name
         for e in scenario.estimators
-        if (e.kind == "loop-gain" and e.memory == "window" and e.alarm_threshold > 0.0) or e.kind == "two-stage"
+        if e.kind == "two-stage" or (e.kind == "loop-gain" and e.memory == "window" and e.alarm_threshold > 0.0)
+        for name in _estimates_of(e, lateral=scenario.lateral.enabled)
     )

@@ -154,7 +154,8 @@ def at_hand(summary: Mapping[str, Any]) -> list[str]:
 
 def named_by(scenario: Scenario) -> tuple[Extension, ...]:
     """Return the permitted code that a scenario names, each once."""
-    kinds = (scenario.command.kind, *(f.kind for f in scenario.failures), scenario.control.law)
+    turning = (scenario.lateral.roll.kind, scenario.lateral.sideslip.kind) if scenario.lateral.enabled else ()
+    kinds = (scenario.command.kind, *turning, *(f.kind for f in scenario.failures), scenario.control.law)
     own = registry.in_use()
     return tuple(own[k] for k in dict.fromkeys((*kinds, *(e.kind for e in scenario.estimators))) if k in own)
 

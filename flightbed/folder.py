@@ -11,8 +11,9 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flightbed.card import events, run_card
+from flightbed.card import run_card
 from flightbed.errors import OutputError
+from flightbed.event_log import events
 from flightbed.pacing import heap_set_aside
 
 if TYPE_CHECKING:
@@ -166,7 +167,7 @@ def shown(result: Result) -> Shown:
     from flightbed.telemetry.shown import Shown
 
     scenario, summary = result.plan.scenario, result.summary
-    happened = events(scenario, result.trace, summary, result.plan.aircraft.actuator)
+    happened = events(scenario, result.trace, summary, result.plan.actuators)
     measured = result.metrics.estimators
     readings = {name: m.nis_expected for name, m in measured.items() if m.nis_expected is not None}
     return Shown.of(result.plan, readings=readings).flown(

@@ -103,7 +103,7 @@ class Live:
         row, last = None, time.perf_counter()
         for sample in samples:
             if not self._gone:
-                row = row or row_packer(len(sample.estimates))
+                row = row or row_packer(len(sample.estimates), lateral=sample.lateral is not None)
                 rows.append(row(sample))
                 if len(rows) >= _TICKS and (now := time.perf_counter()) - last >= _SECONDS:
                     self._put(ROWS, b"".join(rows))

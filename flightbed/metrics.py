@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from flightbed.aircraft import Actuator
 from flightbed.loop import DEPARTURE_RAD
+from flightbed.naming import surface_of
 from flightbed.trace import Trace, true_share
 from flightbed.units import DEG
 
@@ -67,6 +68,8 @@ class Metrics:
         departed: |alpha - alpha_trim| > 25 deg, or a state that is not finite; where aileron and rudder are commanded also |beta| > 25 deg.
         departed_at_s: flight time of that; None if it did not.
         tracking_rms_pre_deg_s, tracking_rms_post_deg_s: RMS of q - q_ref before the first failure of any kind, and from 0.3 s after it.
+        tracking_rms_pre_p_deg_s, tracking_rms_post_p_deg_s, tracking_rms_pre_beta_deg, tracking_rms_post_beta_deg: the same of roll rate
+            and sideslip; None where aileron and rudder are not commanded.
         estimators_since_s: from where the estimators' times count: the first tick at which the true K is not 1, or, in a flight whose K
             stays, the first failure; None without a failure.
 
@@ -78,6 +81,10 @@ class Metrics:
     tracking_rms_post_deg_s: float | None
     estimators_since_s: float | None
     estimators: dict[str, EstimatorMetrics]
+    tracking_rms_pre_p_deg_s: float | None = None
+    tracking_rms_post_p_deg_s: float | None = None
+    tracking_rms_pre_beta_deg: float | None = None
+    tracking_rms_post_beta_deg: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values, ready for JSON."""
@@ -107,23 +114,31 @@ def measure(
     if "beta_deg" in trace.columns:
         departed = departed or not abs(trace["beta_deg"][-1]) <= limit_deg
     error = trace["q_deg_s"] - trace["q_ref_deg_s"]
+    turning: dict[str, float | None] = {}
+    for axis, unit in (("p", "deg_s"), ("beta", "deg")) if "p_deg_s" in trace.columns else ():
+        off = trace[f"{axis}_{unit}"] - trace[f"{axis}_ref_{unit}"]
+        turning |= {
+            f"tracking_rms_pre_{axis}_{unit}": _rms(off[pre]),
+            f"tracking_rms_post_{axis}_{unit}": _rms(off[post]),
+        }
     return Metrics(
         departed=departed,
         departed_at_s=float(trace["t_s"][-1]) if departed else None,
         tracking_rms_pre_deg_s=_rms(error[pre]),
         tracking_rms_post_deg_s=_rms(error[post]),
-        estimators_since_s=_since(trace, "", failed_at_s),
+        estimators_since_s=since_s(trace, "", failed_at_s),
         estimators={
             name: _estimator(
-                trace, name, *_phases(trace, _since(trace, name, failed_at_s)), readings=(readings or {}).get(name)
+                trace, name, *_phases(trace, since_s(trace, name, failed_at_s)), readings=(readings or {}).get(name)
             )
             for name in trace.estimators
         },
+        **turning,
     )
 
 
-def _since(trace: Trace, estimate: str, failed_at_s: float | None) -> float | None:
-    """Return the first time at which the K that an estimate is of is not 1, or, if it stays, the time of the first failure."""
+def since_s(trace: Trace, estimate: str, failed_at_s: float | None) -> float | None:
+    """Return from where the times of an estimate count: the first at which its K is not 1, or, if that stays, that of the first failure."""
     changed = trace["t_s"][trace[true_share(estimate)] != 1.0]
     return float(changed[0]) if changed.size else failed_at_s
 
@@ -150,7 +165,7 @@ def _estimator(
         detected_at_s=_detected(trace, name, failed),
         false_alarms=int(np.max(trace[f"{name}.alarms"][pre], initial=0.0)),
         nees_mean_post=_nees(trace[f"{name}.effectiveness_raw"] - truth, trace[f"{name}.effectiveness_std"], post),
-        efficiency=_efficiency(trace, estimate - truth, post) if "." not in name else None,
+        efficiency=_efficiency(trace, estimate - truth, post) if surface_of(name) == "elevator" else None,
         median_abs_error_post=_finite(np.median(np.abs(estimate - truth)[post])) if post.any() else None,
         rms_error_smoothed_post=_rms((smoothed - truth)[post]),
         std_pre=_finite(np.std(estimate[pre])) if pre.any() else None,
@@ -195,9 +210,9 @@ def _finite(value: float | np.floating[Any]) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def at_stop(trace: Trace, actuator: Actuator) -> npt.NDArray[np.bool_]:
-    """Return at which ticks the elevator command is cut at a stop."""
-    command = trace["elevator_cmd_deg"] * DEG
+def at_stop(trace: Trace, actuator: Actuator, surface: str = "elevator") -> npt.NDArray[np.bool_]:
+    """Return at which ticks the command to a surface is cut at a stop of its actuator."""
+    command = trace[f"{surface}_cmd_deg"] * DEG
     return (command <= actuator.min_rad + 1e-9) | (command >= actuator.max_rad - 1e-9)
 
 

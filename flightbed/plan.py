@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 
 from flightbed import registry
-from flightbed.aircraft import Aircraft, load_path
+from flightbed.aircraft import Actuator, Aircraft, load_path
 from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law
 from flightbed.errors import AircraftError, DesignError, NoTrimError, ScenarioError
@@ -39,6 +40,12 @@ class Plan:
     schedule: Schedule | None  # None if no estimator asks for it
     lateral: LateralDirectional | None = None  # None if roll and yaw are left to the stock laws
     margins: Margins | None = None  # of the pitch loop; None for a law that does not tell its gains
+
+    @property
+    def actuators(self) -> Mapping[str, Actuator]:
+        """Actuators of the surfaces that are commanded: of the elevator, or of all three, by name."""
+        turning = self.aircraft.lateral if self.lateral is not None and isinstance(self.aircraft, Aircraft) else {}
+        return {"elevator": self.aircraft.actuator, **turning}
 
 
 def plan(scenario: Scenario) -> Plan:

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flightbed.card import correction, events, failures, flown, gusts, kept_pace, outcome
+from flightbed.card import correction, flown, followed, kept_pace, outcome
 from flightbed.document import Cell, Document, Listing, Section, Table
+from flightbed.event_log import events, failures, gusts
 from flightbed.extension import at_hand, permits
 from flightbed.figures import pictures
+from flightbed.naming import estimator_of
 from flightbed.short_period import ShortPeriod
+from flightbed.trace import true_share
 
 if TYPE_CHECKING:
     from flightbed.mission import Result
@@ -92,6 +95,9 @@ def _lead(result: Result) -> Section:
     ):
         columns.append(f"RMS q - reference {when}, deg/s")
         cells.append(summary[f"tracking_rms_{key}_deg_s"])
+        for what, of, unit in followed(scenario)[1:]:
+            columns.append(f"RMS {what.partition(' ')[0]} - reference {when}, {unit}")
+            cells.append(summary[f"tracking_rms_{key}_{of}"])
     tables = [Table("key", "", columns, [cells], {"elevator at a stop": ".1%"})]
     if trace.estimators:
         tables.append(_estimates(result))
@@ -106,23 +112,27 @@ def _estimates(result: Result) -> Table:
         "estimator", "corrects the law", "K at end", "true K", "median |K-hat - K|", "within 20 % after, s", "alarm after, s",
         "mean NIS", "NIS if right",
     )  # fmt: skip
-    truth = float(result.trace["effectiveness_true"][-1])
     rows: list[list[Cell]] = []
     for name, m in summary["estimators"].items():
         final, *rest = (m[key] for key in keys)
-        rows.append([name, "yes" if name == used else "no", final, truth, *rest])
+        truth = float(result.trace[true_share(name)][-1])
+        rows.append([name, "yes" if estimator_of(name) == used else "no", final, truth, *rest])
     return Table("estimates", "", columns, rows, dict.fromkeys(columns[2:4], ".3f") | {columns[4]: ".2g"})
 
 
 def _numbers(result: Result) -> Section:
     summary, names = result.summary, result.trace.estimators
+    sideslip = ", sideslip more than 25 deg" if result.plan.scenario.lateral.enabled else ""
     flight = [
-        ("departed_at_s", summary["departed_at_s"], "s", "alpha more than 25 deg from trim, or a state that is not finite"),
+        ("departed_at_s", summary["departed_at_s"], "s", f"alpha more than 25 deg from trim{sideslip}, or a state that is not finite"),
         ("flown_s", summary["flown_s"], "s", f"time flown; ended by: {summary['ended']}"),
         ("failed_at_s", summary["failed_at_s"], "s", "first failure, of any kind, that the flight reached"),
         ("estimators_since_s", summary["estimators_since_s"], "s", "first change of K: the failure of all that is said of estimators"),
-        ("tracking_rms_pre_deg_s", summary["tracking_rms_pre_deg_s"], "deg/s", "RMS of q - q_ref before the first failure"),
-        ("tracking_rms_post_deg_s", summary["tracking_rms_post_deg_s"], "deg/s", "the same from 0.3 s after it"),
+        *(
+            (f"tracking_rms_{when}_{key}", summary[f"tracking_rms_{when}_{key}"], unit, text)
+            for what, key, unit in followed(result.plan.scenario)
+            for when, text in (("pre", f"RMS of {what} before the first failure"), ("post", "the same from 0.3 s after it"))
+        ),
         ("elevator_at_stop_share", summary["elevator_at_stop_share"], "1", "share of the ticks with the command cut at a stop"),
         ("bank_max_deg", summary["bank_max_deg"], "deg", "largest bank"),
         ("snr_db", summary["snr_db"], "dB", "signal to noise, Sillence eq (82), before the failure"),
@@ -141,7 +151,7 @@ def _numbers(result: Result) -> Section:
 
 def _events(result: Result) -> Table:
     """Return the event log; of very many events the severe ones and the first others."""
-    happened = events(result.plan.scenario, result.trace, result.summary, result.plan.aircraft.actuator)
+    happened = events(result.plan.scenario, result.trace, result.summary, result.plan.actuators)
     others = [i for i, (_, _, severe) in enumerate(happened) if not severe]
     left_out = set(others[_MOST_EVENTS:])
     rows = [(float(t), text) for i, (t, text, _) in enumerate(happened) if i not in left_out]

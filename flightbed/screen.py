@@ -13,9 +13,10 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from flightbed.card import correction, failures, kept_pace, outcome
+from flightbed.card import correction, followed, kept_pace, outcome
 from flightbed.document import Table as Rows
 from flightbed.document import show
+from flightbed.event_log import failures
 from flightbed.statistics import Interval
 
 if TYPE_CHECKING:
@@ -55,7 +56,6 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
     trim = summary["trim"]
     poles = ", ".join(f"{re:+.2f}{f'{im:+.2f}j' if im else ''}" for re, im in summary["short_period"]["poles_rad_s"])
     gains = ", ".join(f"{name} {value:.3g}" for name, value in summary["gains"].items() if value)
-    before, after = summary["tracking_rms_pre_deg_s"], summary["tracking_rms_post_deg_s"]
     color = "green" if summary["ended"] == "time" else "red"
     yield Text.from_markup(f"[bold]{scenario.name}[/bold]: {escape(scenario.description)}")
     grid = Table.grid(padding=(0, 1))
@@ -70,8 +70,7 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
         "failures": "; ".join(failures(scenario)) or "none",
         "outcome": f"[bold {color}]{outcome(summary)}[/bold {color}]; |alpha| up to "
         f"{abs(result.trace['alpha_deg']).max():.1f} deg; at a stop {summary['elevator_at_stop_share']:.0%} of the time",
-        "tracking": f"RMS of q - q_ref {_number(before)} deg/s"
-        + ("" if summary["failed_at_s"] is None else f", {_number(after)} deg/s from 0.3 s after the failure"),
+        "tracking": "\n".join(_tracked(summary, *one) for one in followed(scenario)),
         **({"own code": _own_code(summary)} if summary["extensions"] else {}),
         **({"real time": kept_pace(summary)} if summary["realtime"] else {}),
     }.items():
@@ -111,8 +110,15 @@ def _own_code(summary: dict[str, Any]) -> str:
     )
 
 
+def _tracked(summary: dict[str, Any], what: str, key: str, unit: str) -> str:
+    """Return in words how well a reference was followed, see ``card.followed``."""
+    before, after = (summary[f"tracking_rms_{when}_{key}"] for when in ("pre", "post"))
+    words = f"RMS of {what} {_number(before)} {unit}"
+    return words if summary["failed_at_s"] is None else f"{words}, {_number(after)} {unit} from 0.3 s after the failure"
+
+
 def _estimates(summary: dict[str, Any]) -> Table:
-    table = Table(box=None, header_style="dim", padding=(0, 1))
+    table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for heading in ("  estimator", "K at end", "median", "smoothed,", "first in", "smoothed", "NIS"):
         table.add_column(heading, justify="left" if "estimator" in heading else "right", no_wrap=True)
     table.add_row("", "", "|error|", "RMS error", "+-20 %", "in +-20 %", "(if right)", style="dim")

@@ -94,3 +94,10 @@ def median_interval(values: Sequence[float]) -> Interval:
     k = int(binom.ppf(0.025, data.size, 0.5))  # P(count < k) <= 0.025 < P(count <= k)
     low, high = (float(data[k - 1]), float(data[-k])) if k else (-np.inf, np.inf)
     return Interval(float(np.median(data)), low, high, data.size)
+
+
+def chi_square_bound(degrees: float) -> float:
+    """Return what 95 % of a chi-square with so many degrees of freedom stay below."""
+    from scipy.special import chdtri  # slow to import
+
+    return float(chdtri(degrees, 0.05))

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.errors import OutputError
+from flightbed.naming import surface_of
 from flightbed.signals import Estimate, LateralMeasurement, LateralSample, LateralTruth, Measurement, Sample, Truth
 from flightbed.units import DEG, FT, unit_of
 
@@ -104,12 +105,16 @@ _LATERAL = {
     "aileron_mean_meas_deg": ("aileron_mean_rad/measured", 1 / DEG),
     "rudder_mean_meas_deg": ("rudder_mean_rad/measured", 1 / DEG),
 }
-_TRUE_SHARES = {"aileron": "effectiveness_aileron_true", "rudder": "effectiveness_rudder_true"}
+_TRUE_SHARES = {
+    "elevator": "effectiveness_true",
+    "aileron": "effectiveness_aileron_true",
+    "rudder": "effectiveness_rudder_true",
+}
 
 
 def true_share(estimate: str) -> str:
     """Return the column of the true K that an estimate is of: ``NAME`` is the elevator's, ``NAME.aileron`` the aileron's."""
-    return _TRUE_SHARES.get(estimate.partition(".")[2], "effectiveness_true")
+    return _TRUE_SHARES[surface_of(estimate)]
 
 
 _ROW = (*_FLOWN_FIELDS, *Truth._fields, *Measurement._fields)

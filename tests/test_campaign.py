@@ -25,6 +25,7 @@ from flightbed.campaign_table import Quantity, Row, passes
 from flightbed.ensemble import processes
 from flightbed.errors import InputError, OutputError
 from flightbed.journal import Journal, journal
+from flightbed.metrics import EstimatorMetrics
 from flightbed.mission import run
 from flightbed.page import render
 from flightbed.scenario import load_scenario
@@ -32,6 +33,7 @@ from flightbed.screen import campaign_lines
 from flightbed.settings import Criterion
 from flightbed.statistics import median_interval, share
 from tests.command_line import flightbed
+from tests.lateral_flight import NAMES, SOON, rolling
 from tests.test_page import assert_self_contained, assert_sound, words
 
 SHORT = ["duration_s=3", "failures.0.at_s=1.5", "seed=7"]
@@ -94,6 +96,7 @@ def test_only_the_columns_that_histories_need_are_kept(flown: Campaign) -> None:
     assert flown.histories is not None
     assert set(flown.histories.mean) == {
         *HISTORIES,
+        "effectiveness_true",
         "scheduled.effectiveness_smoothed",
         "expanding.effectiveness_smoothed",
     }
@@ -279,3 +282,37 @@ def test_only_what_tests_for_a_change_can_never_find_one() -> None:
     assert flown.quantity("scheduled.detected_at_s").never == 2
     assert not flown.quantity("expanding.detected_at_s").known
     assert "detected_at_s" not in summary(flown)["estimators"]["expanding"]
+
+
+def test_a_campaign_of_flights_with_roll_and_yaw(tmp_path: Path) -> None:
+    """Each surface has its columns and its own truth; a flight that raised has them empty."""
+    scenario = rolling(SOON)
+    campaign, folder = campaigns.run(scenario, tmp_path / "c", runs=3, workers=1)
+    assert campaign is not None
+    assert campaign.estimators == NAMES
+    rows = pq.read_table(folder / "table.parquet").to_pylist()
+    assert all(row["tracking_rms_post_p_deg_s"] > 0.0 < row["tracking_rms_pre_beta_deg"] for row in rows)
+    for name in NAMES:
+        assert [row[f"{name}.final"] for row in rows] == [r[f"{name}.final"] for r in campaign.rows]
+    assert campaign.histories is not None
+    for surface, at_s, to in (("aileron", 1.0, 0.4), ("rudder", 1.5, 0.5)):
+        truth = campaign.histories.mean[f"effectiveness_{surface}_true"]
+        np.testing.assert_array_equal(truth, np.where(np.arange(300) >= 100 * at_s, to, 1.0))
+    summary = json.loads((folder / "summary.json").read_text())
+    assert set(summary["estimators"]) == set(NAMES)
+    assert {key.partition(".")[0] for key in summary["estimators"]["surfaces"]} <= {
+        f.name for f in dataclasses.fields(EstimatorMetrics)
+    }
+    assert summary["tracking_rms_post_beta_deg"]["median"] == pytest.approx(
+        np.median([row["tracking_rms_post_beta_deg"] for row in rows])
+    )
+    page = (folder / "report.html").read_text()
+    assert "RMS of beta - beta_ref" in page
+    assert "surfaces.rudder" in page
+
+
+def test_the_columns_of_roll_and_yaw_are_empty_in_campaigns_of_pitch_alone(folder: Path) -> None:
+    table = pq.read_table(folder / "table.parquet")
+    for key in ("tracking_rms_pre_p_deg_s", "tracking_rms_post_beta_deg"):
+        assert table.column(key).null_count == len(table)
+        assert key not in _summary(folder)

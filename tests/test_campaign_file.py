@@ -16,6 +16,7 @@ from flightbed.programme import Programme, draw, flight_hash, scenario_of, value
 from flightbed.scenario import load_scenario
 from flightbed.settings import AxisSettings, CampaignSettings
 from flightbed.statistics import share
+from tests.lateral_flight import rolling
 
 HEAD = 'schema = 1\nname = "mine"\nbase = "elevator-loss"\nruns = 3\nseed = 11\n'
 MACH = '[[axes]]\nkey = "condition.mach"\nvalues = [0.7, 0.8]\n'
@@ -209,3 +210,15 @@ def test_a_campaign_is_written_as_it_is_read(tmp_path: Path) -> None:
     assert load_programme(path).settings == settings
     assert tomllib.loads(settings.to_toml())["axes"][1] == {"key": "failures.0.to", "from": 0.2, "to": 0.6, "count": 3}
     assert isinstance(settings, CampaignSettings)
+
+
+def test_flights_of_a_campaign_have_the_same_estimates(tmp_path: Path) -> None:
+    """They are columns of the table: with roll and yaw in some flights alone there would be others."""
+    (tmp_path / "base.toml").write_text(rolling(["failures=[]"]).to_toml())
+    text = HEAD.replace("elevator-loss", str(tmp_path / "base.toml"))
+    with pytest.raises(ScenarioError) as caught:
+        _load(tmp_path, f'{text}[[axes]]\nkey = "lateral.enabled"\nvalues = [true, false]\n')
+    for surface in ("aileron", "rudder"):
+        words = f"axes: lateral.enabled = False: there is no estimate 'surfaces.{surface}', unlike in the base; make two campaigns of it"
+        assert any(problem.endswith(words) for problem in caught.value.problems), caught.value.problems
+    _load(tmp_path, f'{text}[[axes]]\nkey = "lateral.roll.amplitude_deg_s"\nvalues = [5.0, 20.0]\n')

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from flightbed.card import events, failures, plan_card, run_card
+from flightbed.card import flown, plan_card, run_card
+from flightbed.event_log import events, failures
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
+from tests.lateral_flight import rolling
 
 
 @pytest.mark.parametrize(
@@ -26,10 +28,28 @@ from flightbed.scenario import load_scenario
         ),
         ("kind='ramp', to=0.4, over_s=3", "at 3 s the elevator begins to go to 40% of its effect, over 3 s"),
         ("to=0.4", "at 3 s the elevator keeps 40% of its effect"),
+        ("surface='aileron', to=0.4", "at 3 s the aileron keeps 40% of its effect"),
+        ("surface='rudder', kind='ramp', to=0.1", "at 3 s the rudder begins to go to 10% of its effect, over 2 s"),
+        ("surface='rudder', kind='stuck'", "at 3 s the rudder is stuck where it is"),
+        ("kind='floating'", "at 3 s the elevator comes off its actuator and trails in the stream"),
+        (
+            "surface='aileron', kind='hardover', side='low'",
+            "at 3 s the aileron runs to its lowest stop, whatever is commanded",
+        ),
+        (
+            "surface='rudder', kind='hardover', side='high'",
+            "at 3 s the rudder runs to its highest stop, whatever is commanded",
+        ),
+        ("surface='aileron', kind='rate-limit', to=0.25", "at 3 s the aileron keeps 25% of its rate limit"),
+        (
+            "surface='rudder', kind='bias', bias_deg=-2.5",
+            "at 3 s the rudder is off by -2.5 deg, which its position feedback does not show",
+        ),
     ],
 )
 def test_failures_in_words(keys: str, words: str) -> None:
-    assert failures(load_scenario("nominal", [f"failures.0={{at_s=3, {keys}}}"])) == [words]
+    settings = ["lateral.enabled=true", f"failures.0={{at_s=3, {keys}}}"]
+    assert failures(load_scenario("nominal", settings)) == [words]
 
 
 def test_gusts_and_failures_are_told_at_their_times() -> None:
@@ -37,7 +57,7 @@ def test_gusts_and_failures_are_told_at_their_times() -> None:
     cg = "failures.1={kind='cg-shift', at_s=0.3, shift_cbar=0.01}"
     result = run(load_scenario("elevator-loss", ["failures.0.at_s=1.5", cg, *gusts, "duration_s=3"]))
     scenario, summary = result.plan.scenario, result.summary
-    told = {text: t for t, text, _ in events(scenario, result.trace, summary, result.plan.aircraft.actuator)}
+    told = {text: t for t, text, _ in events(scenario, result.trace, summary, result.plan.actuators)}
     assert told["gust: a gust of 9 ft/s down, rising for 0.25 s"] == 0.5
     assert told["gust: a gust of 12.5 ft/s up, rising for 2 s, held for 1 s"] == 1.0
     assert told["FAILURE: the c.g. moves to 1.0% of the chord aft of where it was at take-off"] == 0.3
@@ -70,3 +90,39 @@ def test_the_card_names_own_code() -> None:
     scenario = load_scenario("nominal", ["duration_s=0.2"])
     summary = run(scenario).summary | {"extensions": [{"name": "mine.py:E", "sha256": "0123456789abcdef"}]}
     assert "- own code: mine.py:E, SHA-256 0123456789ab\n" in run_card(scenario, summary)
+
+
+def test_events_and_card_of_a_flight_with_roll_and_yaw() -> None:
+    """Times of an estimate count from the change of its own surface; the elevator, which stays whole, is found by nobody."""
+    result = run(rolling())
+    scenario, summary = result.plan.scenario, result.summary
+    happened = events(scenario, result.trace, summary, result.plan.actuators)
+    told = {text: t for t, text, _ in happened}
+    assert (
+        told["FAILURE: the aileron keeps 40% of its effect"],
+        told["FAILURE: the rudder keeps 50% of its effect"],
+    ) == (4.0, 6.0)
+    for name, at_s in (("surfaces.aileron", 4.0), ("surfaces.rudder", 6.0)):
+        within = summary["estimators"][name]["first_within_20pct_s"]
+        assert told[f"K of '{name}' within 20 % of the truth"] == pytest.approx(at_s + within)
+        alarm = next(t for text, t in told.items() if text.startswith(f"'{name}' declares a change of K"))
+        assert alarm == pytest.approx(at_s + summary["estimators"][name]["detected_at_s"])
+    assert not any(text.startswith(("K of 'surfaces' ", "K of 'pitch' ")) for text in told)
+    card = run_card(scenario, summary)
+    before, after = (summary[f"tracking_rms_{when}_beta_deg"] for when in ("pre", "post"))
+    assert f"beta - beta_ref {before:.2f} deg before, {after:.2f} deg from 0.3 s after the failure" in card
+    assert "| surfaces.rudder |" in card
+    rows = dict(flown(scenario, "f16"))
+    assert rows["roll-rate command"].startswith("doublet, amplitude 20 deg/s, period 4.5 s")
+    assert rows["sideslip command"].startswith("doublet, amplitude 2 deg, period 4.5 s")
+    assert "aileron 10 deg" in rows["roll and yaw"]
+    assert "of beta 0.03 deg" in rows["sensors"]
+    assert "roll and yaw" not in dict(flown(load_scenario("nominal"), "f16"))
+
+
+def test_every_surface_that_reaches_its_stop_is_told() -> None:
+    hard = ["failures=[]", "duration_s=2", "lateral.roll.amplitude_deg_s=300", "lateral.roll.filter_rad_s=0"]
+    result = run(rolling(hard))
+    told = [text for _, text, _ in events(result.plan.scenario, result.trace, result.summary, result.plan.actuators)]
+    assert "aileron command at its stop" in told
+    assert "elevator command at its stop" not in told

@@ -19,6 +19,7 @@ from flightbed.page import render
 from flightbed.scenario import load_scenario
 from flightbed.telemetry import viewer
 from tests.command_line import assert_one_clear_line, flightbed
+from tests.lateral_flight import rolling
 from tests.telemetry.reading import series
 from tests.telemetry.viewers import needs_viewer
 
@@ -236,3 +237,43 @@ def test_the_viewer_shows_it_without_complaint(compared: tuple[Path, str]) -> No
         assert len(views) == 11
         assert [view.reports for view in views] == [[]] * len(views)
         assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == []
+
+
+def test_runs_with_roll_and_yaw_are_compared_with_one_without(tmp_path: Path) -> None:
+    """Tracking of p and beta, K of each surface against its own truth; of the run without them nothing."""
+    run(rolling(), tmp_path / "told", rerun=False)
+    run(rolling(["adaptation.enabled=false", "failures.1.to=0.7"]), tmp_path / "fixed", rerun=False)
+    run(load_scenario("nominal", ["duration_s=5"]), tmp_path / "pitch", rerun=False)
+    done = flightbed("compare", "told", "fixed", "pitch", "--out", "all", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    read = comparison.load_runs([tmp_path / name for name in ("told", "fixed", "pitch")])
+    assert [r.lateral for r in read] == [True, True, False]
+    rms = comparison.tracking(read)
+    assert [text for text in rms if " of " in text] == [
+        "RMS of p before 4 s, deg/s", "RMS of p from 4.3 s, deg/s", "RMS of beta before 4 s, deg", "RMS of beta from 4.3 s, deg",
+    ]  # fmt: skip
+    assert rms["RMS of p from 4.3 s, deg/s"][0] == pytest.approx(
+        read[0].summary["tracking_rms_post_p_deg_s"], rel=1e-12
+    )
+    assert rms["RMS of p from 4.3 s, deg/s"][2] is None
+    assert not [text for text in comparison.tracking(read[2:] * 2) if " of " in text]
+    table = comparison.metrics_table(read)
+    assert ["surfaces.aileron", "", "", ""] in table.rows
+    told = comparison.to_dict(read)["differences"]["fixed"]
+    assert not [key for key in told if key.startswith("tracking_rms")]
+    recording = tmp_path / "all" / "comparison.rrd"
+    for entity, column, names in (
+        ("/roll_rate", "p_deg_s", ("1_told", "2_fixed")),
+        ("/sideslip", "beta_deg", ("1_told", "2_fixed")),
+        ("/aileron", "aileron_deg", ("1_told", "2_fixed")),
+        ("/effectiveness_rudder", "surfaces.rudder.effectiveness_smoothed", ("1_told", "2_fixed")),
+        ("/effectiveness_rudder/K_true", "effectiveness_rudder_true", ("1_told", "2_fixed")),
+        ("/effectiveness_aileron/K_true", "effectiveness_aileron_true", ("1_told",)),  # the same line in both
+    ):
+        for name in names:
+            _, values = series(recording, f"{entity}/{name}", "Scalars:scalars")
+            np.testing.assert_array_equal(values, read[int(name[0]) - 1].trace[column], err_msg=entity)
+    page = render(comparison_report(read))
+    assert all(text in page for text in ("Roll rate, deg/s", "Sideslip, deg", "Aileron K, share", "Rudder K, share"))
+    alone = render(comparison_report(read[2:] * 2))
+    assert "Roll rate" not in alone

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
 import pytest
 
 from flightbed.consistency import idle_keys
 from flightbed.errors import ScenarioError
+from flightbed.extension import named_by, using
+from flightbed.mission import run
 from flightbed.scenario import load_scenario
+from flightbed.units import DEG
+from tests.lateral_flight import rolling
 
 PLACE = "scenarios/thesis-loss.toml"
 
@@ -52,3 +59,76 @@ def test_the_same_keys_are_welcome_where_they_act() -> None:
     assert "control.integral_pole_rad_s" not in idle_keys(
         load_scenario("nominal", ["control.law=proportional-integral"])
     )
+
+
+TWO = "estimators.0={name='two', kind='two-stage', memory='variable'}"
+FADING = "estimators.0={name='two', kind='two-stage', memory='fading'}"
+
+
+def _kind(name: str) -> str:
+    return f"has no effect with estimators.0.kind = '{name}'"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "problem"),
+    [
+        (["estimators.0={name='two', kind='two-stage'}"], "estimators.0.memory: must be 'expanding', 'fading' or 'variable' with kind = 'two-stage' (got 'window')"),
+        (["estimators.0.memory=variable"], "estimators.0.memory: must be 'window', 'expanding' or 'fading' with kind = 'loop-gain' (got 'variable')"),
+        ([TWO, "estimators.0.variance_min=2"], "estimators.0.variance_min: must be below variance_max = 1 (got 2)"),
+        ([TWO, "estimators.0.model=short-period", "lateral.enabled=true"], "estimators.0.model: must be 'scheduled' with kind = 'two-stage' and lateral.enabled = true (got 'short-period')"),
+        ([TWO, "estimators.0.input=deviation"], f"estimators.0.input: {_kind('two-stage')}"),
+        ([TWO, "estimators.0.input_at=start"], f"estimators.0.input_at: {_kind('two-stage')}"),
+        ([TWO, "estimators.0.alarm_threshold=9"], f"estimators.0.alarm_threshold: {_kind('two-stage')}"),
+        ([TWO, "estimators.0.hold_std=0.1"], f"estimators.0.hold_std: {_kind('two-stage')}"),
+        ([TWO, "estimators.0.prior.state=fixed"], f"estimators.0.prior.state: {_kind('two-stage')}"),
+        ([TWO, "estimators.0.prior.effectiveness=0.5"], f"estimators.0.prior.effectiveness: {_kind('two-stage')}"),
+        ([TWO, "estimators.0.forgetting=0.9"], "estimators.0.forgetting: has no effect with estimators.0.memory = 'variable'"),
+        ([FADING, "estimators.0.variance_max=2"], "estimators.0.variance_max: has no effect with estimators.0.memory = 'fading'"),
+        ([TWO, "estimators.0.p_disturbance_deg_s2=2"], "estimators.0.p_disturbance_deg_s2: has no effect with lateral.enabled = false"),
+        *(([f"estimators.0.{key}=0.1"], f"estimators.0.{key}: {_kind('loop-gain')}") for key in ("variance_min", "variance_max", "walk_std", "false_alarm", "beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_disturbance_deg_s2")),
+        *((["estimators.0.kind=differentiated-rls", f"estimators.0.{key}=0.1"], f"estimators.0.{key}: {_kind('differentiated-rls')}") for key in ("variance_min", "walk_std", "false_alarm", "r_disturbance_deg_s2")),
+        (["lateral.p_deg_s=5"], "lateral.p_deg_s: has no effect with lateral.enabled = false"),
+        (["sensors.beta_std_deg=0.1"], "sensors.beta_std_deg: has no effect with lateral.enabled = false"),
+        (["lateral.enabled=true", "lateral.roll.amplitude_deg_s=5"], "lateral.roll.amplitude_deg_s: has no effect with lateral.roll.kind = 'none'"),
+        (["lateral.enabled=true", "lateral.sideslip.kind=constant", "lateral.sideslip.period_s=2"], "lateral.sideslip.period_s: has no effect with lateral.sideslip.kind = 'constant'"),
+        (["failures.0.side=low"], "failures.0.side: has no effect with failures.0.kind = 'effectiveness'"),
+    ],
+)  # fmt: skip
+def test_keys_of_three_surfaces_and_of_the_two_stage_filter(overrides: list[str], problem: str) -> None:
+    fixed = ["adaptation.enabled=false"] if {TWO, FADING} & set(overrides) else []
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", [*overrides, *fixed])
+    assert any(text.endswith(problem) for text in caught.value.problems), caught.value.problems
+
+
+def test_the_keys_of_the_two_stage_filter_are_welcome_where_they_act() -> None:
+    keys = (
+        "window",
+        "variance_min",
+        "variance_max",
+        "walk_std",
+        "false_alarm",
+        "p_disturbance_deg_s2",
+        "smoothing",
+        "prior.effectiveness_std",
+    )
+    sets = [f"estimators.0.{key}={3 if key == 'window' else 0.1}" for key in keys if key != "variance_max"]
+    idle = idle_keys(rolling(sets))
+    assert not {f"estimators.0.{key}" for key in keys} & set(idle)
+    faded = rolling(["estimators.0.memory=fading", "estimators.0.forgetting=0.95"])
+    assert "estimators.0.forgetting" not in idle_keys(faded)
+
+
+def test_code_of_the_users_own_is_named_where_it_commands_roll_or_sideslip() -> None:
+    def mine(_settings: object) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda t_s: np.where(t_s >= 0.5, 0.1, 0.0)
+
+    keys = ["lateral.roll.kind=mine", "lateral.sideslip.kind=mine", "duration_s=1", "failures=[]"]
+    with using({"mine": mine}):
+        scenario = rolling(keys)
+        assert [own.name for own in named_by(scenario)] == ["mine"]
+        result = run(scenario)
+        assert [own["name"] for own in result.summary["extensions"]] == ["mine"]
+        assert result.trace["p_cmd_deg_s"][60] == pytest.approx(0.1 / DEG)
+        assert result.trace["beta_cmd_deg"][60] == pytest.approx(0.1 / DEG)
+        assert named_by(load_scenario("nominal")) == ()

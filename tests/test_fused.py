@@ -22,6 +22,7 @@ from flightbed.scenario import load_scenario
 from flightbed.sensors import Sensors
 from flightbed.signals import Estimate, Measurement, Truth
 from flightbed.trace import Trace, collect, from_rows
+from tests.lateral_flight import NAMES, SOON, rolling
 
 RLS = ['estimators.1={name="rls", kind="differentiated-rls"}']
 
@@ -112,6 +113,19 @@ def test_what_is_derived_from_the_house_is_left_to_fly() -> None:
     assert rows_of(replace(flight, estimators=[own_estimator, flight.estimators[1]])) is None
     assert rows_of(replace(flight, sensors=own_sensors)) is None
     assert rows_of(flight) is not None
+
+
+def test_a_flight_with_roll_and_yaw_or_a_two_stage_filter_is_left_to_fly() -> None:
+    for name, settings in (("all axes", []), ("no estimator", ["estimators=[]", "adaptation.enabled=false"])):
+        flight = assemble(plan(rolling([*SOON, *settings])))
+        assert flight.lateral is not None, name
+        assert rows_of(flight) is None, name
+    two_stage = ["lateral.enabled=false", "failures=[]", "duration_s=3"]
+    assert rows_of(assemble(plan(rolling(two_stage)))) is None
+    told = run(rolling(SOON)).trace
+    flown = collect(fly(assemble(plan(rolling(SOON)))), estimators=NAMES, control_hz=100)
+    for name in flown.columns:
+        np.testing.assert_array_equal(told[name], flown[name], err_msg=name)
 
 
 def test_a_smoothed_k_that_is_no_number_is_the_same_error_both_ways() -> None:

@@ -18,7 +18,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flightbed import registry
-from flightbed.card import events, kept_pace, run_card
+from flightbed.card import kept_pace, run_card
+from flightbed.event_log import events
 from flightbed.mission import run
 from flightbed.pacing import Spell, Timing, WallClock, late_spells, paced, punctuality, with_timings
 from flightbed.scenario import load_scenario
@@ -235,7 +236,7 @@ def test_the_unit_of_the_columns_is_known(tmp_path: Path) -> None:
 )
 def test_late_ticks_are_events_and_many_are_one(seconds: int, told: list[tuple[float, str]]) -> None:
     result = run(load_scenario("nominal", [f"duration_s={seconds}"]), pace=_Busy())
-    happened = events(result.plan.scenario, result.trace, result.summary, result.plan.aircraft.actuator)
+    happened = events(result.plan.scenario, result.trace, result.summary, result.plan.actuators)
     assert [(t, text) for t, text, _ in happened if "late" in text] == told
     assert kept_pace(result.summary) == (
         f"{100 * seconds} ticks at 100 Hz: {2 * seconds} late (2.00%), worst by 12 ms; "

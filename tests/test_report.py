@@ -13,13 +13,15 @@ import pytest
 
 from flightbed import data, drawing, palette
 from flightbed.document import Document, Listing, show
-from flightbed.figures import NIS_BOUND, pictures
+from flightbed.figures import pictures
 from flightbed.metrics import EstimatorMetrics
 from flightbed.mission import Result, run
 from flightbed.page import render
 from flightbed.report import ESTIMATOR_METRICS, run_report
 from flightbed.scenario import load_scenario
+from flightbed.statistics import chi_square_bound
 from flightbed.trace import Trace
+from tests.lateral_flight import rolling
 from tests.test_page import assert_self_contained, assert_sound, words
 
 
@@ -129,8 +131,9 @@ def test_facts_are_computed_from_what_is_drawn(flown: Result, report: Document) 
         in facts["pitch-rate"]
     )
     nis = flown.trace["scheduled.nis"][1:]
-    assert f"'scheduled': mean {nis.mean():.2f}, above the bound in {np.mean(nis > NIS_BOUND):.1%}" in facts["nis"]
-    assert pytest.approx(1.0 - np.exp(-NIS_BOUND / 2.0)) == 0.95  # chi-square with 2 degrees of freedom
+    bound = chi_square_bound(2)
+    assert f"'scheduled': mean {nis.mean():.2f}, above the bound 5.99 in {np.mean(nis > bound):.1%}" in facts["nis"]
+    assert pytest.approx(1.0 - np.exp(-bound / 2.0)) == 0.95  # chi-square with 2 degrees of freedom
     assert "stops at -25 and +25 deg" in facts["elevator"]
 
 
@@ -217,3 +220,51 @@ def test_of_very_many_events_the_severe_ones_stay(flown: Result) -> None:
 def test_a_run_without_a_report(tmp_path: Path) -> None:
     run(load_scenario("nominal", ["duration_s=0.2"]), tmp_path / "x", rerun=False, report=False)
     assert not (tmp_path / "x" / "report.html").exists()
+
+
+def test_a_flight_with_roll_and_yaw_has_figures_and_numbers_of_them() -> None:
+    result = run(rolling())
+    document = run_report(result)
+    summary, svg = result.summary, {p.key: p.svg for p in document.pictures()}
+    assert list(svg) == [
+        "pitch-rate", "alpha", "elevator", "roll", "aileron-and-rudder", "effectiveness", "nis", "sigma", "condition",
+    ]  # fmt: skip
+    axes = {"roll": 3, "aileron-and-rudder": 2, "effectiveness": 4, "nis": 2, "sigma": 3}
+    assert {key: _axes(svg[key]) for key in axes} == axes
+    for key, count in axes.items():
+        assert _strokes(svg[key], drawing.FAILURE) >= 2 * count, key
+    (key,) = _table(document, "key")
+    assert key["RMS p - reference after it, deg/s"] == summary["tracking_rms_post_p_deg_s"]
+    assert key["RMS beta - reference before the failure, deg"] == summary["tracking_rms_pre_beta_deg"]
+    for row in _table(document, "flight"):
+        assert row["value"] == summary[row["metric"]], row
+    estimates = {row["estimator"]: row for row in _table(document, "estimates")}
+    assert {name: row["true K"] for name, row in estimates.items()} == {
+        "surfaces": 1.0, "surfaces.aileron": 0.4, "surfaces.rudder": 0.5, "pitch": 1.0,
+    }  # fmt: skip
+    assert [row["corrects the law"] for row in estimates.values()] == ["yes", "yes", "yes", "no"]
+    told = {p.key: p.facts for p in document.pictures()}
+    assert (
+        f"'surfaces.rudder' ends at {summary['estimators']['surfaces.rudder']['final']:.3f} (truth 0.500)"
+        in told["effectiveness"]
+    )
+    assert "above the bound 11.07 in" in told["nis"]  # of five readings
+    worst = np.abs(result.trace["p_deg_s"] - result.trace["p_ref_deg_s"])
+    assert f"largest |p - reference| {worst.max():.2f} deg/s" in told["roll"]
+    assert "stops at -21.5 and +21.5 deg" in told["aileron-and-rudder"]
+    assert "stops at -30 and +30 deg" in told["aileron-and-rudder"]
+    page = render(document)
+    assert_sound(page)
+    assert_self_contained(page)
+    assert "nan" not in words(page)
+
+
+@pytest.mark.parametrize("kind", ["stuck", "floating", "hardover", "rate-limit", "bias"])
+@pytest.mark.parametrize("surface", ["elevator", "aileron", "rudder"])
+def test_every_failure_of_an_actuator_has_a_sound_page(kind: str, surface: str) -> None:
+    failure = f"{{kind='{kind}', surface='{surface}', at_s=0.5, side='high', to=0.2, bias_deg=1.5}}"
+    result = run(rolling([f"failures=[{failure}]", "duration_s=1.5"]))
+    page = render(run_report(result))
+    assert_sound(page)
+    assert "nan" not in words(page)
+    assert f"the {surface}" in words(page).partition("What flew")[0]

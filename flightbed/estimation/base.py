@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from flightbed.lateral_directional import LateralDirectional
+from flightbed.naming import estimate_name
 from flightbed.schedule import Schedule
 from flightbed.sensors import LateralNoise, SensorNoise
 from flightbed.short_period import ShortPeriod
@@ -42,7 +43,7 @@ class SurfacesEstimator(Protocol):
 def estimate_names(name: str, estimator: Estimator | SurfacesEstimator) -> list[str]:
     """Return what the estimates of an estimator are called: by its name that of the elevator, NAME.aileron and NAME.rudder the others."""
     surfaces = estimator.surfaces if isinstance(estimator, SurfacesEstimator) else ("elevator",)
-    return [name if surface == "elevator" else f"{name}.{surface}" for surface in surfaces]
+    return [estimate_name(name, surface) for surface in surfaces]
 
 
 @dataclass(frozen=True, eq=False)

@@ -120,6 +120,7 @@ class JsbsimPlant:
         self._lateral_getters = tuple(fdm.getter(p) for p in LATERAL) + tuple(
             s.position for s in self._lateral_surfaces
         )
+        self._steering = (0.0, 0.0)
         self._lateral_means = [surface.position() for surface in self._lateral_surfaces]
         self._lateral_totals = [0.0] * len(self._lateral_surfaces)
 
@@ -184,10 +185,8 @@ class JsbsimPlant:
         )  # fmt: skip
 
     def steer(self, aileron_cmd_rad: float, rudder_cmd_rad: float) -> None:
-        """Command aileron and rudder for the control period to come."""
-        aileron, rudder = self._lateral_surfaces
-        aileron.command(aileron_cmd_rad)
-        rudder.command(rudder_cmd_rad)
+        """Command aileron and rudder for the control period to come; ``advance`` puts it, when it knows how their actuators fare in it."""
+        self._steering = aileron_cmd_rad, rudder_cmd_rad
 
     def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
         """Fly one control period with the command held and this left of the aircraft.
@@ -201,6 +200,8 @@ class JsbsimPlant:
             self._seize(health)
         low, high = self._stops
         self._command(low if elevator_cmd_rad < low else high if elevator_cmd_rad > high else elevator_cmd_rad)
+        for surface, rad in zip(self._lateral_surfaces, self._steering, strict=False):
+            surface.command(rad)
         if health is not self._health:
             self._become(health)
         elevator, run, total, more = self._elevator, self._run, 0.0, self._more

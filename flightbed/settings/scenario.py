@@ -62,7 +62,7 @@ class _Shape(OwnSettings):
 
 
 class Command(_Shape):
-    """Pitch-rate or roll-rate command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
+    """Pitch-rate command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
 
     amplitude_deg_s: float = 5.0
 
@@ -72,9 +72,16 @@ class Command(_Shape):
         return {"amplitude_deg_s": 0.5, **raw} if isinstance(raw, Mapping) and raw.get("kind") == "dither" else raw
 
 
-class SideslipCommand(_Shape):
-    """Sideslip command and its prefilter: the shapes of Command, in degrees."""
+class RollCommand(Command):
+    """Roll-rate command and its prefilter, as Command, but without a kind there is none."""
 
+    kind: Annotated[str, registered("commands")] = "none"
+
+
+class SideslipCommand(_Shape):
+    """Sideslip command and its prefilter: the shapes of Command, in degrees; without a kind there is none."""
+
+    kind: Annotated[str, registered("commands")] = "none"
     amplitude_deg: float = 2.0
 
     def as_command(self) -> Command:
@@ -90,8 +97,8 @@ class Lateral(Settings):
     """
 
     enabled: bool = False
-    roll: Command = Command(kind="none")
-    sideslip: SideslipCommand = SideslipCommand(kind="none")
+    roll: RollCommand = RollCommand()
+    sideslip: SideslipCommand = SideslipCommand()
     beta_deg: Positive = 2.0
     p_deg_s: Positive = 20.0
     r_deg_s: Positive = 10.0

@@ -9,10 +9,12 @@ from math import ceil, floor, log10
 import numpy as np
 
 from flightbed import palette
-from flightbed.trace import Trace, Vector
+from flightbed.naming import estimate_name, numbered, of_surface
+from flightbed.statistics import chi_square_bound
+from flightbed.trace import Trace, Vector, true_share
 from flightbed.units import unit_of
 
-OVERVIEW, ESTIMATORS, AIRFRAME = "Overview", "Estimators", "Airframe"
+OVERVIEW, ESTIMATORS, AIRFRAME, TURNING = "Overview", "Estimators", "Airframe", "Roll and yaw"
 _LOWEST = 1e-4  # sigma that is told from 0 on a logarithmic axis
 
 
@@ -78,7 +80,7 @@ class Plot:
 def plots(
     trace: Trace,
     *,
-    stops_deg: Sequence[float],
+    stops_deg: Mapping[str, Sequence[float]],
     gusts: bool,
     moves_cg: bool,
     readings: Mapping[str, float],
@@ -88,13 +90,13 @@ def plots(
 
     Args:
         trace: the flight, or its first ticks.
-        stops_deg: lowest and highest deflection of the elevator; empty if it has none.
+        stops_deg: lowest and highest deflection of each surface that is commanded; empty if it has none.
         gusts, moves_cg: whether the scenario has gusts, or a c.g. that moves: they are plotted then.
         readings: of estimators how many readings their NIS is of: the bound that 95 % of it stay below is drawn then.
         certain: columns that have values even if the first ticks do not.
 
     """
-    wanted = [*_overview(trace, stops_deg), *_estimators(trace, readings), *_airframe()]
+    wanted = [*_overview(trace, stops_deg), *_estimators(trace, readings), *_airframe(), *_turning(trace, stops_deg)]
     kept = []
     for plot in wanted:
         lines = tuple(
@@ -130,11 +132,29 @@ def _line(label: str, color: str, column: str, factor: float = 1.0, width: float
     return Line(label if unit == "1" or "," in label else f"{label}, {unit}", color, column, factor, width)
 
 
-def _overview(trace: Trace, stops_deg: Sequence[float]) -> list[Plot]:
+def _share(trace: Trace, surface: str, key: str, tab: str) -> Plot:
+    """Return the plot of K of a surface: every estimate of it, with its band, and the truth."""
+    names, numbers = of_surface(trace.estimators, surface), numbered(trace.estimators)
     gains = [
-        _line(f"K {name}, smoothed", palette.estimate(i), f"{name}.effectiveness_smoothed")
-        for i, name in enumerate(trace.estimators)
+        _line(f"K {name}, smoothed", palette.estimate(numbers[name]), f"{name}.effectiveness_smoothed")
+        for name in names
     ]
+    truth = _line("K true", palette.TRUTH, true_share(estimate_name("", surface)), width=2.2)
+    title = f"{surface.capitalize()} effectiveness K, share; bands +-2 sigma"
+    return Plot(key, title, tab, (truth, *gains), (-0.1, 1.3), bands=names)
+
+
+def _deflection(surface: str, stops_deg: Mapping[str, Sequence[float]], tab: str) -> Plot:
+    """Return the plot of a surface: command, position and stops."""
+    lines = (
+        _line("command", palette.COMMAND, f"{surface}_cmd_deg"),
+        _line("position", palette.ACTUAL, f"{surface}_deg"),
+        *(Line("stop, deg", palette.OTHER, factor=stop, width=1.0) for stop in stops_deg.get(surface, ())),
+    )
+    return Plot(surface, f"{surface.capitalize()}, deg", tab, lines)
+
+
+def _overview(trace: Trace, stops_deg: Mapping[str, Sequence[float]]) -> list[Plot]:
     return [
         Plot(
             "pitch_rate",
@@ -145,36 +165,22 @@ def _overview(trace: Trace, stops_deg: Sequence[float]) -> list[Plot]:
                 _line("q", palette.ACTUAL, "q_deg_s"),
             ),
         ),
-        Plot(
-            "effectiveness",
-            "Elevator effectiveness K, share; bands +-2 sigma",
-            OVERVIEW,
-            (_line("K true", palette.TRUTH, "effectiveness_true", width=2.2), *gains),
-            (-0.1, 1.3),
-            bands=trace.estimators,
-        ),
-        Plot(
-            "elevator",
-            "Elevator, deg",
-            OVERVIEW,
-            (
-                _line("command", palette.COMMAND, "elevator_cmd_deg"),
-                _line("position", palette.ACTUAL, "elevator_deg"),
-                *(Line("stop, deg", palette.OTHER, factor=stop, width=1.0) for stop in stops_deg),
-            ),
-        ),
+        _share(trace, "elevator", "effectiveness", OVERVIEW),
+        _deflection("elevator", stops_deg, OVERVIEW),
         Plot("alpha", "Angle of attack, deg", OVERVIEW, (_line("alpha", palette.ACTUAL, "alpha_deg"),)),
     ]
 
 
 def _estimators(trace: Trace, readings: Mapping[str, float]) -> list[Plot]:
-    each = [plot for i, name in enumerate(trace.estimators) for plot in _estimator(i, name, readings.get(name))]
+    # One innovation and one NIS an estimator, whatever it is of; they are those of its estimate of the elevator.
+    names = of_surface(trace.estimators, "elevator")
+    each = [plot for i, name in enumerate(names) for plot in _estimator(i, name, readings.get(name))]
     # The bound first and wide: what reaches it is drawn on it.
     sigmas = [
         Line("Cramer-Rao bound", palette.OTHER, "effectiveness_bound", width=5.0, log=True),
         *(
             Line(f"sigma {name}", palette.estimate(i), f"{name}.effectiveness_std", log=True)
-            for i, name in enumerate(trace.estimators)
+            for i, name in enumerate(names)
         ),
     ]
     return [
@@ -187,13 +193,6 @@ def _estimators(trace: Trace, readings: Mapping[str, float]) -> list[Plot]:
             (_line("RMS of M_delta times deflection over 0.3 s, deg/s^2", palette.OTHER, "excitation_deg_s2"),),
         ),
     ]
-
-
-def _bound(readings: float) -> float:
-    """Return what 95 % of a chi-square with so many degrees of freedom stay below."""
-    from scipy.special import chdtri  # slow to import
-
-    return float(chdtri(readings, 0.05))
 
 
 def _estimator(index: int, name: str, readings: float | None) -> list[Plot]:
@@ -224,12 +223,35 @@ def _estimator(index: int, name: str, readings: float | None) -> list[Plot]:
                 *(
                     ()
                     if readings is None
-                    else (Line("95 % bound", palette.REFERENCE, factor=_bound(readings), width=1.0),)
+                    else (Line("95 % bound", palette.REFERENCE, factor=chi_square_bound(readings), width=1.0),)
                 ),
             ),
             (0.0, 15.0),
             index,
         ),
+    ]
+
+
+def _turning(trace: Trace, stops_deg: Mapping[str, Sequence[float]]) -> list[Plot]:
+    """Return the plots of roll and yaw; a flight that leaves them to the stock laws has no columns for them."""
+    if "p_deg_s" not in trace.columns:
+        return []
+
+    def follows(key: str, title: str, name: str, suffix: str) -> Plot:
+        lines = (
+            _line(f"{name} reference", palette.REFERENCE, f"{name}_ref_{suffix}"),
+            _line(name, palette.ACTUAL, f"{name}_{suffix}"),
+        )
+        return Plot(key, title, TURNING, lines)
+
+    return [
+        follows("roll_rate", "Roll rate, deg/s", "p", "deg_s"),
+        Plot("bank", "Angle of bank, deg", TURNING, (_line("phi", palette.ACTUAL, "phi_deg"),)),
+        _deflection("aileron", stops_deg, TURNING),
+        _share(trace, "aileron", "effectiveness_aileron", TURNING),
+        follows("sideslip", "Sideslip, deg", "beta", "deg"),
+        _deflection("rudder", stops_deg, TURNING),
+        _share(trace, "rudder", "effectiveness_rudder", TURNING),
     ]
 
 

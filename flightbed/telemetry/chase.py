@@ -1,21 +1,44 @@
-"""The aircraft in space: where it is, how it lies, what its stabilators do, and the way that it came."""
+"""The aircraft in space: where it is, how it lies, what its surfaces do, and the way that it came."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
 from flightbed import palette
+from flightbed.naming import estimate_name
 from flightbed.telemetry import mesh
 from flightbed.telemetry.layout import TIMELINE
-from flightbed.trace import Trace
+from flightbed.trace import Trace, true_share
 from flightbed.units import DEG, FT
 
 Vector = npt.NDArray[np.float64]
 _TRAIL_TICKS = 10  # one piece of the trail
+
+
+class _Moving(NamedTuple):
+    """A part that turns with a surface: entity below the attitude, its hinge, the axis there, and the sense of a positive deflection."""
+
+    path: str
+    shape: mesh.Mesh
+    hinge: tuple[float, float, float]
+    surface: str
+    axis: int
+    sense: float
+
+
+# Trailing edge down is a positive rotation about the y axis: what lies aft (-x) moves down (+z).
+_STABILATORS = _Moving("hinge/stabilators", mesh.stabilators(), mesh.HINGE, "elevator", 1, 1.0)
+# Positive aileron rolls to the right: the left one goes down, the right one up. Positive rudder turns the nose left: its trailing
+# edge, aft of the hinge, moves left (-y), which is a positive rotation about the z axis.
+_TURNING = (
+    _Moving("hinge_left/aileron", mesh.aileron(-1.0), mesh.AILERON_HINGE, "aileron", 1, 1.0),
+    _Moving("hinge_right/aileron", mesh.aileron(1.0), mesh.AILERON_HINGE, "aileron", 1, -1.0),
+    _Moving("hinge_fin/rudder", mesh.rudder(), mesh.RUDDER_HINGE, "rudder", 2, 1.0),
+)
 
 
 class Aircraft:
@@ -27,24 +50,35 @@ class Aircraft:
         trail: colour of the trail.
         label: written at the aircraft, if there is one.
         east_m: how far to the right it is drawn of where it flies.
+        lateral: whether aileron and rudder are in the trace, and are moved.
 
     """
 
     def __init__(
-        self, stream: rr.RecordingStream, root: str, *, trail: str, label: str = "", east_m: float = 0.0
+        self,
+        stream: rr.RecordingStream,
+        root: str,
+        *,
+        trail: str,
+        label: str = "",
+        east_m: float = 0.0,
+        lateral: bool = False,
     ) -> None:
         self._stream, self._root, self._color, self._label = stream, root, trail, label
         self._east_m, self._altitude_ft = east_m, 0.0
-        self._stabilators = f"{root}/cg/attitude/hinge/stabilators"
+        self._parts = (_STABILATORS, *(_TURNING if lateral else ()))
         self._last_position = np.zeros((0, 3), dtype=np.float32)
-        self._effectiveness = np.nan
+        self._effectiveness = dict.fromkeys((part.path for part in self._parts), np.nan)
 
     def begin(self) -> None:
         """Tell what does not change: shapes and colours."""
         stream, root = self._stream, self._root
-        stream.log(f"{root}/cg/attitude/airframe", _mesh(mesh.airframe()), static=True)
-        stream.log(f"{root}/cg/attitude/hinge", rr.Transform3D(translation=mesh.HINGE), static=True)
-        stream.log(self._stabilators, _mesh(mesh.stabilators(), painted=False), static=True)
+        body = mesh.airframe(rudder=_TURNING[-1] not in self._parts)
+        stream.log(f"{root}/cg/attitude/airframe", _mesh(body), static=True)
+        for part in self._parts:
+            hinge = self._entity(part).rpartition("/")[0]
+            stream.log(hinge, rr.Transform3D(translation=part.hinge), static=True)
+            stream.log(self._entity(part), _mesh(part.shape, painted=False), static=True)
         trail = rr.LineStrips3D.from_fields(colors=palette.rgb(self._color), radii=0.08)
         stream.log(f"{root}/trail", trail, static=True)
         if self._label:
@@ -62,22 +96,27 @@ class Aircraft:
         stream.send_columns(
             f"{root}/cg/attitude", indexes=time_of(t), columns=rr.Transform3D.columns(quaternion=attitude)
         )
-        # Trailing edge down is a positive rotation about the y axis: what lies aft (-x) moves down (+z).
-        half = 0.5 * part["elevator_deg"] * DEG
-        turn = np.column_stack([np.zeros_like(half), np.sin(half), np.zeros_like(half), np.cos(half)])
-        stream.send_columns(self._stabilators, indexes=time_of(t), columns=rr.Transform3D.columns(quaternion=turn))
-        self._paint(part)
+        for moving in self._parts:
+            half = 0.5 * moving.sense * part[f"{moving.surface}_deg"] * DEG
+            turn = np.zeros((len(half), 4))
+            turn[:, moving.axis], turn[:, 3] = np.sin(half), np.cos(half)
+            columns = rr.Transform3D.columns(quaternion=turn)
+            stream.send_columns(self._entity(moving), indexes=time_of(t), columns=columns)
+            self._paint(moving, part)
         self._trail(t, position)
 
-    def _paint(self, part: Trace) -> None:
-        """Give the stabilators the colour of the true K, wherever it changes."""
-        gain = part["effectiveness_true"]
-        changed = np.flatnonzero(gain != np.concatenate([[self._effectiveness], gain[:-1]]))
-        self._effectiveness = float(gain[-1])
+    def _entity(self, part: _Moving) -> str:
+        return f"{self._root}/cg/attitude/{part.path}"
+
+    def _paint(self, moving: _Moving, part: Trace) -> None:
+        """Give a part the colour of the true K of its surface, wherever it changes."""
+        gain = part[true_share(estimate_name("", moving.surface))]
+        changed = np.flatnonzero(gain != np.concatenate([[self._effectiveness[moving.path]], gain[:-1]]))
+        self._effectiveness[moving.path] = float(gain[-1])
         if changed.size:
             colors = [(*palette.between(palette.FAILURE, palette.ACTUAL, k), 255) for k in gain[changed]]
             self._stream.send_columns(
-                self._stabilators,
+                self._entity(moving),
                 indexes=time_of(part["t_s"][changed]),
                 columns=rr.Mesh3D.columns(albedo_factor=np.array(colors, dtype=np.uint8)),
             )

@@ -15,7 +15,7 @@ from flightbed.comparison import Run, same_line
 from flightbed.document import Table
 from flightbed.errors import OutputError
 from flightbed.telemetry import layout
-from flightbed.telemetry.channels import AIRFRAME, OVERVIEW, Plot
+from flightbed.telemetry.channels import AIRFRAME, OVERVIEW, TURNING, Plot
 from flightbed.telemetry.chase import Aircraft, positions, set_time, time_of
 from flightbed.telemetry.recorder import upright
 from flightbed.telemetry.recording import APPLICATION
@@ -34,14 +34,28 @@ _PLOTS = (
     Plot("load_factor", "Load factor nz, g", AIRFRAME, ()),
     Plot("attitude", "Attitude theta, deg", AIRFRAME, ()),
 )
+_TURNING = (
+    Plot("roll_rate", "Roll rate, deg/s", TURNING, ()),
+    Plot("bank", "Angle of bank, deg", TURNING, ()),
+    Plot("aileron", "Aileron position, deg", TURNING, ()),
+    Plot("effectiveness_aileron", "Aileron effectiveness K, smoothed estimate, share", TURNING, (), (-0.1, 1.3)),
+    Plot("sideslip", "Sideslip, deg", TURNING, ()),
+    Plot("rudder", "Rudder position, deg", TURNING, ()),
+    Plot("effectiveness_rudder", "Rudder effectiveness K, smoothed estimate, share", TURNING, (), (-0.1, 1.3)),
+)  # where a run has them
 _COLUMNS: Mapping[str, str] = {
     "pitch_rate": "q_deg_s", "elevator": "elevator_deg", "alpha": "alpha_deg", "mach": "mach", "altitude": "altitude_ft",
-    "load_factor": "nz_g", "attitude": "theta_deg",
+    "load_factor": "nz_g", "attitude": "theta_deg", "roll_rate": "p_deg_s", "bank": "phi_deg", "aileron": "aileron_deg",
+    "sideslip": "beta_deg", "rudder": "rudder_deg",
 }  # fmt: skip
 # What is drawn beside the runs' own, once where it is the same in several: column, name, colour.
 _SHARED = {
     "pitch_rate": ("q_ref_deg_s", "q reference", palette.REFERENCE),
     "effectiveness": ("effectiveness_true", "K true", palette.TRUTH),
+    "roll_rate": ("p_ref_deg_s", "p reference", palette.REFERENCE),
+    "sideslip": ("beta_ref_deg", "beta reference", palette.REFERENCE),
+    "effectiveness_aileron": ("effectiveness_aileron_true", "K true", palette.TRUTH),
+    "effectiveness_rudder": ("effectiveness_rudder_true", "K true", palette.TRUTH),
 }
 
 
@@ -51,8 +65,9 @@ def write_comparison(path: Path, runs: Sequence[Run], *, tables: Sequence[Table]
     stream = rr.RecordingStream(APPLICATION, recording_id="-".join(slugs)[:100])
     stream.set_log_time_enabled(False)
     trails = [f"/world/{slug}/trail" for slug in slugs]
+    plots = (*_PLOTS, *(_TURNING if any(run.lateral for run in runs) else ()))
     try:
-        stream.save(path, default_blueprint=layout.comparison(_PLOTS, follow="/world/middle", trails=trails))
+        stream.save(path, default_blueprint=layout.comparison(plots, follow="/world/middle", trails=trails))
     except Exception as error:
         raise OutputError(f"{path}: cannot be written: {error}") from None
     with stream:
@@ -60,10 +75,12 @@ def write_comparison(path: Path, runs: Sequence[Run], *, tables: Sequence[Table]
         card = "\n\n".join(_markdown(table) for table in tables)
         stream.log("run_card", rr.TextDocument(card, media_type=rr.MediaType.MARKDOWN), static=True)
         stream.log("world", rr.ViewCoordinates.FRD, static=True)
-        for plot in _PLOTS:
+        for plot in plots:
             _lines(stream, plot, runs, slugs)
         for i, (run, slug) in enumerate(zip(runs, slugs, strict=True)):
-            aircraft = Aircraft(stream, f"world/{slug}", trail=run.color, label=run.label, east_m=i * APART_M)
+            aircraft = Aircraft(
+                stream, f"world/{slug}", trail=run.color, label=run.label, east_m=i * APART_M, lateral=run.lateral
+            )
             aircraft.begin()
             aircraft.add(run.trace)
             _states(stream, run, f"mode/{slug}")
@@ -86,13 +103,9 @@ def _middle(stream: rr.RecordingStream, runs: Sequence[Run]) -> None:
 
 
 def _column(run: Run, plot: Plot) -> Vector | None:
-    if plot.key != "effectiveness":
-        values = run.trace[_COLUMNS[plot.key]]
-    elif run.watched is None:
-        return None
-    else:
-        values = run.trace[f"{run.watched}.effectiveness_smoothed"]
-    return values if np.any(np.isfinite(values)) else None
+    column, surface = _COLUMNS.get(plot.key), plot.key.partition("_")[2] or "elevator"
+    values = run.smoothed(surface) if column is None else run.trace.columns.get(column)
+    return values if values is not None and np.any(np.isfinite(values)) else None
 
 
 def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: Sequence[str]) -> None:
@@ -101,8 +114,8 @@ def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: S
         column, label, color = _SHARED[plot.key]
         told: list[tuple[Vector, Vector]] = []
         for run, slug in zip(runs, slugs, strict=True):
-            reference = run.trace[column]
-            if any(same_line(run.trace["t_s"], reference, *other) for other in told):
+            reference = run.trace.columns.get(column)
+            if reference is None or any(same_line(run.trace["t_s"], reference, *other) for other in told):
                 continue
             told.append((run.trace["t_s"], reference))
             entity = f"{plot.key}/{label.replace(' ', '_')}/{slug}"
@@ -110,7 +123,7 @@ def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: S
     for run, slug in zip(runs, slugs, strict=True):
         own = _column(run, plot)
         if own is not None:
-            name = f"{run.label}: {run.watched}" if plot.key == "effectiveness" else run.label
+            name = f"{run.label}: {run.watched}" if plot.key.startswith("effectiveness") else run.label
             _line(stream, f"{plot.key}/{slug}", name, run.color, run.trace["t_s"], own)
             if plot.range is None:
                 low, high = min(low, float(np.nanmin(own))), max(high, float(np.nanmax(own)))

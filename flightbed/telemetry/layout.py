@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import rerun.blueprint as rrb
 
-from flightbed.telemetry.channels import AIRFRAME, ESTIMATORS, OVERVIEW, Plot
+from flightbed.telemetry.channels import AIRFRAME, ESTIMATORS, OVERVIEW, TURNING, Plot
 
 TIMELINE = "time"
-TABS = (OVERVIEW, ESTIMATORS, AIRFRAME)
+TABS = (
+    OVERVIEW,
+    ESTIMATORS,
+    AIRFRAME,
+)  # of every flight with estimators; TURNING comes last, where roll and yaw are flown
 _DARK = [18, 22, 30]
 _FLOWN = rrb.VisibleTimeRange(
     TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
@@ -31,12 +35,18 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
     def of(tab: str, estimator: int | None = None) -> list[Any]:
         return [views[p.key] for p in plots if p.tab == tab and p.estimator == estimator]
 
+    turns = any(p.tab == TURNING for p in plots)
     words = rrb.Tabs(
         rrb.TextDocumentView(name="Run card", origin="/run_card"), rrb.TextLogView(name="Events", origin="/events")
     )
     mode = rrb.StateTimelineView(name="Modes", origin="/mode", time_view=rrb.TimeAxis(link="LinkToGlobal"))
     overview = rrb.Horizontal(
-        rrb.Vertical(_chase("/world/cg", ["/world/trail"]), mode, words, row_shares=[4.2, 2.6, 3.8]),
+        rrb.Vertical(
+            _chase("/world/cg", ["/world/trail"], moving="surfaces" if turns else "stabilators"),
+            mode,
+            words,
+            row_shares=[4.2, 2.6, 3.8],
+        ),
         rrb.Vertical(*of(OVERVIEW), row_shares=[5, 5, 4, 3]),
         column_shares=[2, 3],
         name=OVERVIEW,
@@ -52,7 +62,16 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
     airframe = of(AIRFRAME)
     rows = [rrb.Horizontal(*airframe[i : i + 2]) for i in range(0, len(airframe), 2)]
     pages.append(rrb.Vertical(*rows, name=AIRFRAME))
+    if turns:
+        pages.append(_turning([p for p in plots if p.tab == TURNING]))
     return _blueprint(rrb.Tabs(*pages, active_tab=min(tab, len(pages) - 1)), live=live)
+
+
+def _turning(plots: Sequence[Plot], *, legend: Callable[[Plot], bool] = lambda _: True) -> rrb.Horizontal:
+    """Return the page of roll and yaw: roll and aileron on the left, sideslip and rudder on the right."""
+    views = [_plot(plot, legend=legend(plot)) for plot in plots]
+    begins = next(i for i, plot in enumerate(plots) if plot.key == "sideslip")
+    return rrb.Horizontal(rrb.Vertical(*views[:begins]), rrb.Vertical(*views[begins:]), name=TURNING)
 
 
 def comparison(plots: Sequence[Plot], *, follow: str, trails: Sequence[str]) -> rrb.Blueprint:
@@ -60,15 +79,17 @@ def comparison(plots: Sequence[Plot], *, follow: str, trails: Sequence[str]) -> 
     table = rrb.TextDocumentView(name="Metrics and differences", origin="/run_card")
     mode = rrb.StateTimelineView(name="Modes", origin="/mode", time_view=rrb.TimeAxis(link="LinkToGlobal"))
 
-    def of(tab: str) -> list[Any]:
-        # The colours are those of the runs in all plots: one legend, beside K's, which names the estimators, is enough.
-        return [
-            _plot(plot, legend=plot.key in ("pitch_rate", "effectiveness", "mach")) for plot in plots if plot.tab == tab
-        ]
+    def legend(plot: Plot) -> bool:
+        # The colours are those of the runs in all plots: one legend, beside K's, which name the estimators, is enough.
+        return plot.key in ("pitch_rate", "mach", "roll_rate") or plot.key.startswith("effectiveness")
 
+    def of(tab: str) -> list[Any]:
+        return [_plot(plot, legend=legend(plot)) for plot in plots if plot.tab == tab]
+
+    turning = [plot for plot in plots if plot.tab == TURNING]
     overview = rrb.Horizontal(
         rrb.Vertical(
-            _chase(follow, trails, far=True),
+            _chase(follow, trails, moving="surfaces" if turning else "stabilators", far=True),
             mode,
             table,
             row_shares=[4, 2.2, 5],
@@ -78,7 +99,8 @@ def comparison(plots: Sequence[Plot], *, follow: str, trails: Sequence[str]) -> 
         name=OVERVIEW,
     )
     airframe = rrb.Grid(*of(AIRFRAME), grid_columns=2, name=AIRFRAME)
-    return _blueprint(rrb.Tabs(overview, airframe, active_tab=0), live=False)
+    pages = [overview, airframe, *([_turning(turning, legend=legend)] if turning else [])]
+    return _blueprint(rrb.Tabs(*pages, active_tab=0), live=False)
 
 
 def _title(plots: Sequence[Plot], index: int) -> str:
@@ -92,16 +114,16 @@ def _plot(plot: Plot, *, legend: bool = True) -> rrb.TimeSeriesView:
         axis_x=rrb.TimeAxis(link="LinkToGlobal"),
         axis_y=None if plot.range is None else rrb.ScalarAxis(range=plot.range),
         plot_legend=rrb.PlotLegend(
-            rrb.Corner2D.LeftBottom if plot.key == "effectiveness" else rrb.Corner2D.RightTop, visible=legend
+            rrb.Corner2D.LeftBottom if plot.key.startswith("effectiveness") else rrb.Corner2D.RightTop, visible=legend
         ),
     )
 
 
-def _chase(origin: str, trails: Sequence[str], *, far: bool = False) -> rrb.Spatial3DView:
+def _chase(origin: str, trails: Sequence[str], *, moving: str = "stabilators", far: bool = False) -> rrb.Spatial3DView:
     """Return the view that follows an aircraft; from far it is seen from behind, with those at its right."""
     position, target = ([-130, 80, -38], [0, 10, 0]) if far else ([-15, 11, -7], [0, 0, 0])
     return rrb.Spatial3DView(
-        name="Chase view, m; stabilators: blue K = 1, red K = 0",
+        name=f"Chase view, m; {moving}: blue K = 1, red K = 0",
         origin=origin,
         contents="/world/**",
         background=_DARK,

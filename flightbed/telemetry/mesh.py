@@ -19,10 +19,12 @@ class Mesh(NamedTuple):
 
 
 HINGE = (-6.0, 0.0, 0.0)  # the stabilators turn about the y axis through this point
+AILERON_HINGE = (-1.9, 0.0, -0.03)  # the ailerons, too
+RUDDER_HINGE = (-6.3, 0.0, 0.0)  # the rudder turns about the z axis through this one
 
 
-def airframe() -> Mesh:
-    """Fuselage with nozzle, canopy, intake, strakes, cropped delta wing with tip rails, fin and ventral fins."""
+def airframe(*, rudder: bool = True) -> Mesh:
+    """Fuselage with nozzle, canopy, intake, strakes, cropped delta wing with tip rails, fin with or without its rudder, ventral fins."""
     # station x, half width, half height, centre z
     body = [
         (8.2, 0.02, 0.02, 0.0),
@@ -45,8 +47,10 @@ def airframe() -> Mesh:
             _plate([(-4.3, s * 0.5, 0.5), (-5.2, s * 0.85, 1.2), (-6.0, s * 0.85, 1.2), (-6.0, s * 0.45, 0.5)], _DARK),
         ]
     parts.append(_plate([(-2.2, 0.0, -0.6), (-5.9, 0.0, -3.5), (-7.2, 0.0, -3.5), (-6.7, 0.0, -0.5)], _LIGHT))
-    parts.append(_plate([(-6.1, 0.02, -0.9), (-6.5, 0.02, -3.2), (-7.2, 0.02, -3.2), (-7.0, 0.02, -0.9)], _DARK))
-    parts.append(_plate([(-6.1, -0.02, -0.9), (-6.5, -0.02, -3.2), (-7.2, -0.02, -3.2), (-7.0, -0.02, -0.9)], _DARK))
+    parts += [
+        _plate([(-6.1, y, -0.9), (-6.5, y, -3.2), (-7.2, y, -3.2), (-7.0, y, -0.9)], _DARK)
+        for y in ((0.02, -0.02) if rudder else ())
+    ]
     return _join(parts)
 
 
@@ -58,6 +62,18 @@ def stabilators() -> Mesh:
             for s in (-1, 1)
         ]
     )
+
+
+def aileron(side: float) -> Mesh:
+    """One aileron about its hinge, white as the stabilators; ``side`` is 1 for the right one, -1 for the left one."""
+    return _plate(
+        [(0.0, side * 1.3, 0.0), (0.0, side * 3.6, 0.0), (-0.75, side * 3.6, 0.0), (-0.75, side * 1.3, 0.0)], _WHITE
+    )
+
+
+def rudder() -> Mesh:
+    """Flat rudder about its hinge, white as the stabilators."""
+    return _plate([(0.1, 0.0, -0.9), (-0.1, 0.0, -3.2), (-1.0, 0.0, -3.2), (-0.85, 0.0, -0.9)], _WHITE)
 
 
 def _loft(stations: list[tuple[float, float, float, float]], color: tuple[int, int, int], *, at_y: float = 0.0) -> Mesh:

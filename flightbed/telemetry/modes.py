@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +11,11 @@ import numpy.typing as npt
 from flightbed import palette
 from flightbed.aircraft import Actuator
 from flightbed.metrics import at_stop
-from flightbed.trace import Trace
+from flightbed.naming import estimate_name
+from flightbed.trace import Trace, true_share
 from flightbed.units import DEG
 
+_SATURATION = {"elevator": "saturation", "aileron": "saturation_aileron", "rudder": "saturation_rudder"}
 _NEAR = 0.99  # of the rate limit: the mean rate over a tick that begins at the limit falls short of it
 
 
@@ -33,16 +35,20 @@ class Lane:
     colors: tuple[str, ...]
 
 
-def lanes(detectors: Sequence[str]) -> tuple[Lane, ...]:
-    """Return the lanes of a flight; ``detectors`` are the estimators that test for a change of K."""
+def lanes(detectors: Sequence[str], surfaces: Collection[str] = ("elevator",)) -> tuple[Lane, ...]:
+    """Return the lanes of a flight.
+
+    Args:
+        detectors: the estimates that are tested for a change of K.
+        surfaces: those that are commanded.
+
+    """
+    conditions = ("healthy", "failed", "departed"), (palette.REFERENCE, palette.FAILURE, palette.DEPARTED)
+    limits = ("free", "saturated: rate", "saturated: stop"), (palette.OTHER, palette.COMMAND, palette.TRUTH)
     return (
-        Lane("elevator", ("healthy", "failed", "departed"), (palette.REFERENCE, palette.FAILURE, palette.DEPARTED)),
+        *(Lane(surface, *conditions) for surface in surfaces),
         Lane("airframe", ("as built", "c.g. moved"), (palette.REFERENCE, palette.FAILURE)),
-        Lane(
-            "saturation",
-            ("free", "saturated: rate", "saturated: stop"),
-            (palette.OTHER, palette.COMMAND, palette.TRUTH),
-        ),
+        *(Lane(_SATURATION[surface], *limits) for surface in surfaces),
         *(
             Lane(f"detection_{name}", ("no change found", "change detected"), (palette.OTHER, palette.ACTUAL))
             for name in detectors
@@ -50,17 +56,34 @@ def lanes(detectors: Sequence[str]) -> tuple[Lane, ...]:
     )
 
 
-def states(trace: Trace, lane: Lane, actuator: Actuator, *, control_hz: int) -> npt.NDArray[np.intp]:
-    """Return the index of the state of a lane at every tick."""
+def states(
+    trace: Trace, lane: Lane, actuators: Mapping[str, Actuator], *, faults_s: Mapping[str, float], control_hz: int
+) -> npt.NDArray[np.intp]:
+    """Return the index of the state of a lane at every tick.
+
+    Args:
+        trace: the flight, or a part of it.
+        lane: one of ``lanes``.
+        actuators: of the surfaces that are commanded.
+        faults_s: of surfaces from when on something is wrong with their actuator, which the trace does not tell.
+        control_hz: ticks per second.
+
+    """
     hurt: npt.NDArray[np.bool_]
-    if lane.key == "elevator":
-        hurt = (trace["effectiveness_true"] != 1.0) | (trace["elevator_force_true"] != 1.0)
+    if lane.key in actuators:
+        hurt = (trace[true_share(estimate_name("", lane.key))] != 1.0) | (
+            trace["t_s"] >= faults_s.get(lane.key, np.inf) - 1e-9
+        )
+        if lane.key == "elevator":
+            hurt |= trace["elevator_force_true"] != 1.0
     elif lane.key == "airframe":
         hurt = trace["cg_shift_cbar"] != 0.0
-    elif lane.key == "saturation":
-        rate = np.abs(np.diff(trace["elevator_deg"], prepend=trace["elevator_deg"][:1])) * DEG * control_hz
+    elif lane.key in _SATURATION.values():
+        surface = next(surface for surface, key in _SATURATION.items() if key == lane.key)
+        position, actuator = trace[f"{surface}_deg"], actuators[surface]
+        rate = np.abs(np.diff(position, prepend=position[:1])) * DEG * control_hz
         fast = rate >= _NEAR * actuator.rate_limit_rad_s
-        return np.where(at_stop(trace, actuator), 2, fast.astype(np.intp))
+        return np.where(at_stop(trace, actuator, surface), 2, fast.astype(np.intp))
     else:
         hurt = trace[f"{lane.key.removeprefix('detection_')}.alarms"] > 0.0
     return hurt.astype(np.intp)

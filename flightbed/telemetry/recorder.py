@@ -9,6 +9,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from flightbed import palette
+from flightbed.naming import numbered
 from flightbed.telemetry.channels import Plot
 from flightbed.telemetry.chase import Aircraft, set_time, time_of
 from flightbed.telemetry.modes import lanes, states
@@ -30,11 +31,14 @@ class Recorder:
 
     def __init__(self, stream: rr.RecordingStream, shown: Shown, plots: Sequence[Plot]) -> None:
         self._stream, self._shown, self._plots = stream, shown, plots
-        self._lanes = [lane for lane in lanes(shown.detectors) if lane.key != "airframe" or shown.moves_cg]
+        self._lanes = [
+            lane for lane in lanes(shown.detectors, tuple(shown.actuators)) if lane.key != "airframe" or shown.moves_cg
+        ]
         self._state = dict.fromkeys((lane.key for lane in self._lanes), -1)
         self._extent: dict[str, tuple[float, float]] = {}
         self._marked: dict[str, tuple[float, float, int]] = {}
-        self._aircraft = Aircraft(stream, "world", trail=palette.OTHER)
+        self._aircraft = Aircraft(stream, "world", trail=palette.OTHER, lateral=shown.lateral)
+        self._colors = {name: palette.estimate(i) for name, i in numbered(shown.estimators).items()}
         self._last_s = 0.0
 
     def begin(self) -> None:
@@ -50,8 +54,8 @@ class Recorder:
                 aggregation_policy="MinMax",  # the mean of what falls on a pixel would hide how far noise goes
             )
             stream.log(plot.key, style, static=True)
-            for i, name in enumerate(plot.bands):
-                color = palette.rgb(palette.estimate(i))
+            for name in plot.bands:
+                color = palette.rgb(self._colors[name])
                 band = rr.Measurements.from_fields(names=f"K {name} +-2 sigma", colors=color, units="share")
                 stream.log(f"{plot.key}/{name}", band, static=True)
             if self._shown.failures_s:
@@ -125,7 +129,8 @@ class Recorder:
 
     def _modes(self, trace: Trace, new: int) -> None:
         for lane in self._lanes:
-            found = states(trace, lane, self._shown.actuator, control_hz=self._shown.control_hz)
+            shown = self._shown
+            found = states(trace, lane, shown.actuators, faults_s=shown.faults_s, control_hz=shown.control_hz)
             before = np.concatenate([[self._state[lane.key]], found[new:-1]])
             for i in np.flatnonzero(found[new:] != before):
                 set_time(self._stream, trace["t_s"][new + i])

@@ -11,8 +11,9 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from flightbed.aircraft import Actuator
-from flightbed.card import plan_card, planned_events
-from flightbed.consistency import detectors
+from flightbed.card import plan_card
+from flightbed.consistency import ACTUATOR_FAILURES, detectors, estimates
+from flightbed.event_log import planned_events
 from flightbed.factories import failure_tick
 from flightbed.plan import Plan
 from flightbed.telemetry.channels import Plot, plots
@@ -38,11 +39,12 @@ class Shown:
         card: the run card, Markdown.
         planned: failures and gusts to come.
         failures_s: when failures begin, marked in every plot.
-        estimators: their names.
-        detectors: those of them that test for a change of K.
+        estimators: names of the estimates.
+        detectors: those of them that are tested for a change of K.
         gusts: whether there are any.
         moves_cg: whether a failure moves the c.g.
-        actuator: of the elevator; stops and rate limit.
+        actuators: of the surfaces that are commanded, by name: the elevator, or all three; stops and rate limits.
+        faults_s: of surfaces from when on something is wrong with their actuator.
         control_hz: ticks per second.
         m_delta: pitch acceleration per deflection at the trim point, 1/s^2.
         readings: of estimators how many readings their NIS is of, where that is known.
@@ -59,7 +61,8 @@ class Shown:
     detectors: tuple[str, ...]
     gusts: bool
     moves_cg: bool
-    actuator: Actuator
+    actuators: Mapping[str, Actuator]
+    faults_s: Mapping[str, float]
     control_hz: int
     m_delta: float
     readings: Mapping[str, float]
@@ -76,11 +79,16 @@ class Shown:
             card=plan_card(scenario),
             planned=tuple(Event(*event) for event in planned_events(scenario)),
             failures_s=tuple(sorted({failure_tick(failure, hz) / hz for failure in scenario.failures})),
-            estimators=tuple(e.name for e in scenario.estimators),
+            estimators=estimates(scenario),
             detectors=detectors(scenario),
             gusts=bool(scenario.gusts),
             moves_cg=any(failure.kind == "cg-shift" for failure in scenario.failures),
-            actuator=plan.aircraft.actuator,
+            actuators=dict(plan.actuators),
+            faults_s={
+                surface: min(failure_tick(failure, hz) / hz for failure in faults)
+                for surface in plan.actuators
+                if (faults := [f for f in scenario.failures if f.surface == surface and f.kind in ACTUATOR_FAILURES])
+            },
             control_hz=hz,
             m_delta=float(plan.design.b[1]),
             readings=dict(readings),
@@ -104,9 +112,17 @@ class Shown:
         )
 
     @property
-    def stops_deg(self) -> tuple[float, ...]:
-        """The elevator's stops, if it has any."""
-        return tuple(s / DEG for s in (self.actuator.min_rad, self.actuator.max_rad) if isfinite(s))
+    def lateral(self) -> bool:
+        """Whether aileron and rudder are commanded, so that samples and columns of roll and yaw come with the others."""
+        return "aileron" in self.actuators
+
+    @property
+    def stops_deg(self) -> Mapping[str, tuple[float, ...]]:
+        """The stops of each surface, if it has any."""
+        return {
+            surface: tuple(s / DEG for s in (actuator.min_rad, actuator.max_rad) if isfinite(s))
+            for surface, actuator in self.actuators.items()
+        }
 
     def plots(self, trace: Trace, *, certain: Collection[str] = ()) -> tuple[Plot, ...]:
         """Return what is plotted of it, from its trace or its first ticks; ``certain`` columns have values later at least."""
@@ -128,6 +144,6 @@ class Shown:
         """Return what ``to_json`` was told."""
         raw: dict[str, Any] = json.loads(text)
         raw["planned"] = tuple(Event(*event) for event in raw["planned"])
-        raw["actuator"] = Actuator(**raw["actuator"])
+        raw["actuators"] = {surface: Actuator(**numbers) for surface, numbers in raw["actuators"].items()}
         plain: Any = {key: tuple(value) if isinstance(value, list) else value for key, value in raw.items()}
         return cls(**plain)

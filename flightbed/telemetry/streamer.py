@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 import rerun as rr
 
-from flightbed.card import seen_events
 from flightbed.errors import FlightbedError
+from flightbed.event_log import seen_events
 from flightbed.excitation import WINDOW_S, with_excitation
 from flightbed.live import FLIGHT, HEADER, HOST, RESULT, ROWS
 from flightbed.telemetry import layout, viewer
@@ -135,8 +135,9 @@ class Show:
         if not rows:
             return
         shown, values = self._shown, np.concatenate([self._kept, np.frombuffer(rows)])
-        trace = from_rows(values, estimators=shown.estimators, control_hz=shown.control_hz)
-        trace = with_excitation(trace, m_delta=shown.m_delta, control_hz=shown.control_hz)
+        hz, lateral = shown.control_hz, shown.lateral
+        trace = from_rows(values, estimators=shown.estimators, control_hz=hz, lateral=lateral)
+        trace = with_excitation(trace, m_delta=shown.m_delta, control_hz=hz)
         width = len(values) // len(trace)
         new = len(self._kept) // width
         if self._recorder is None:
@@ -144,7 +145,7 @@ class Show:
         self._recorder.add(trace, new)
         now = float(trace["t_s"][-1])
         happened = [event for event in shown.planned if event.t_s <= now + 1e-9]
-        happened += [Event(*event) for event in seen_events(trace, shown.actuator, since=new)]
+        happened += [Event(*event) for event in seen_events(trace, shown.actuators, since=new)]
         self._log(happened)
         self._kept = values[-width * (round(WINDOW_S * shown.control_hz) + 1) :]
 

@@ -1,15 +1,19 @@
-"""Failures of the elevator compose, and are the identity before their start."""
+"""Failures of surfaces compose, and are the identity before their start."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from flightbed.failures.airframe import cg_moved
-from flightbed.failures.base import healthy
-from flightbed.failures.effector import damaged, ramped, weakened
-from flightbed.signals import HEALTHY, Health
+from flightbed.failures.base import Failing, healthy
+from flightbed.failures.effector import biased, damaged, driven, floating, ramped, slowed, stuck, weakened
+from flightbed.signals import HEALTHY, SOUND, SURFACES, Fault, Health
 
 
 @given(at=st.integers(0, 1000), to=st.floats(0, 1), tick=st.integers(0, 2000))
@@ -62,5 +66,82 @@ def test_a_ramp_goes_on_while_the_cg_moves() -> None:
 def test_a_flight_is_given_the_same_object_as_long_as_nothing_changes() -> None:
     """The plant writes nothing into JSBSim while it is the same, and the loop makes no value at every tick."""
     both = weakened(cg_moved(healthy, shift_cbar=0.02, at_tick=5), to=0.2, at_tick=10)
+    for first, last in ((0, 4), (5, 9), (10, 99)):
+        assert all(both(k) is both(first) for k in range(first, last + 1))
+
+
+# What each failure of an actuator makes of a sound one, and of the share that acts.
+FAULTS: list[tuple[Callable[..., Failing], dict[str, Any], Fault]] = [
+    (stuck, {}, Fault(stuck=True)),
+    (driven, {"to_rad": -inf}, Fault(driven_to_rad=-inf)),
+    (biased, {"by_rad": 0.03}, Fault(bias_rad=0.03)),
+    (slowed, {"to": 0.25}, Fault(rate_share=0.25)),
+    (floating, {}, Fault(floats=True)),
+]
+SHARES = {"elevator": ("effectiveness", "elevator_force"), "aileron": ("aileron",), "rudder": ("rudder",)}
+
+
+def _same(found: Fault, expected: Fault) -> bool:
+    """Equal; a deflection that nothing drives to is nan, which does not equal itself."""
+    return str(found) == str(expected)
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+@pytest.mark.parametrize(("make", "how", "fault"), FAULTS)
+@given(at=st.integers(0, 1000), tick=st.integers(0, 2000))
+def test_a_fault_is_of_its_surface_alone_and_from_its_tick_on(
+    make: Callable[..., Failing], how: dict[str, Any], fault: Fault, surface: str, at: int, tick: int
+) -> None:
+    found = make(healthy, surface=surface, at_tick=at, **how)(tick)
+    if tick < at:
+        assert found is HEALTHY
+        return
+    for name, actual in zip(SURFACES, found.faults, strict=True):
+        assert _same(actual, fault if name == surface else SOUND), name
+    shares = SHARES[surface] if make is floating else ()
+    expected = HEALTHY._replace(**dict.fromkeys(shares, 0.0))
+    assert found._replace(faults=HEALTHY.faults) == expected
+
+
+def test_faults_and_losses_add_up_in_any_order() -> None:
+    def slow(before: Failing) -> Failing:
+        return slowed(before, surface="rudder", to=0.5, at_tick=10)
+
+    def off(before: Failing) -> Failing:
+        return biased(before, surface="rudder", by_rad=0.02, at_tick=20)
+
+    def weak(before: Failing) -> Failing:
+        return weakened(before, to=0.3, at_tick=30, surface="aileron")
+
+    def gone(before: Failing) -> Failing:
+        return cg_moved(before, shift_cbar=0.01, at_tick=30)
+
+    one, other = weak(gone(off(slow(healthy)))), slow(off(gone(weak(healthy))))
+    for tick in (0, 9, 10, 19, 20, 29, 30, 99):
+        assert str(one(tick)) == str(other(tick))
+    assert one(99).faults[2]._replace(driven_to_rad=0.0) == Fault(driven_to_rad=0.0, bias_rad=0.02, rate_share=0.5)
+    assert (one(99).aileron, one(99).rudder, one(99).effectiveness, one(99).cg_shift_cbar) == (0.3, 1.0, 1.0, 0.01)
+
+
+def test_a_later_fault_of_the_same_kind_replaces_the_earlier() -> None:
+    twice = biased(
+        biased(healthy, surface="aileron", by_rad=0.05, at_tick=5), surface="aileron", by_rad=-0.01, at_tick=9
+    )
+    assert [twice(k).faults[1].bias_rad for k in (4, 5, 8, 9)] == [0.0, 0.05, 0.05, -0.01]
+
+
+@pytest.mark.parametrize("surface", ["aileron", "rudder"])
+def test_losses_and_ramps_are_of_their_surface_alone(surface: str) -> None:
+    weak = weakened(healthy, to=0.4, at_tick=10, surface=surface)
+    assert weak(10) == HEALTHY._replace(**{surface: 0.4})
+    ramp = ramped(weak, to=0.2, at_tick=20, ticks=4, surface=surface)
+    assert [getattr(ramp(k), surface) for k in (9, 19, 20, 21, 23, 99)] == pytest.approx(
+        [1.0, 0.4, 0.35, 0.3, 0.2, 0.2]
+    )
+    assert ramp(99)._replace(**{surface: 1.0}) == HEALTHY
+
+
+def test_a_flight_is_given_the_same_object_as_long_as_no_fault_changes() -> None:
+    both = stuck(driven(healthy, surface="rudder", to_rad=inf, at_tick=5), surface="aileron", at_tick=10)
     for first, last in ((0, 4), (5, 9), (10, 99)):
         assert all(both(k) is both(first) for k in range(first, last + 1))

@@ -22,7 +22,10 @@ from flightbed.mission import Result, run
 from flightbed.pacing import WallClock
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.telemetry import viewer
+from flightbed.telemetry.shown import Shown
+from flightbed.trace import from_rows
 from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
+from tests.lateral_flight import NAMES, SOON, rolling
 from tests.telemetry.viewers import needs_viewer
 
 SHORT = ["duration_s=3", "failures.0.at_s=1"]
@@ -70,6 +73,41 @@ def test_the_viewer_sees_the_whole_flight(short: Scenario, tmp_path: Path) -> No
         assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == []
     _whole(result)
     _same_flight(result, short)
+
+
+def test_rows_of_roll_and_yaw_are_handed_on_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the loop hands to the process that shows it is the flight, with aileron and rudder."""
+    handed: list[tuple[bytes, bytes]] = []
+    live = Live()
+    monkeypatch.setattr(live, "_put", lambda kind, content: handed.append((kind, content)))
+    monkeypatch.setattr(live, "start", lambda shown: handed.append((live_module.FLIGHT, shown.to_json().encode())))
+    result = run(rolling(SOON), live=live)
+    (told,) = (Shown.from_json(content.decode()) for kind, content in handed if kind == live_module.FLIGHT)
+    assert told.lateral
+    assert told.estimators == NAMES
+    rows = np.frombuffer(b"".join(content for kind, content in handed if kind == live_module.ROWS))
+    shown = from_rows(rows, estimators=told.estimators, control_hz=told.control_hz, lateral=told.lateral)
+    for name in shown.columns:
+        np.testing.assert_array_equal(shown[name], result.trace[name], err_msg=name)
+
+
+@needs_viewer
+def test_a_live_viewer_has_the_page_of_roll_and_yaw(tmp_path: Path) -> None:
+    said: list[str] = []
+    port = viewer.free_port()
+    with viewer.headless(port) as client:
+        result = run(rolling(SOON), tmp_path / "run", live=Live(port=port, notify=said.append))
+        until = time.monotonic() + 10.0
+        while _latest(client) < 2_990_000_000 and time.monotonic() < until:
+            time.sleep(0.1)
+        viewer.show_tab(client, "Roll and yaw")
+        client.take_screenshot()
+        views = client.get_state().views
+        assert {"/roll_rate", "/sideslip", "/effectiveness_rudder"} <= {view.origin for view in views}
+        assert [view.reports for view in views] == [[]] * len(views)
+        assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == []
+    assert said == []
+    _whole(result)
 
 
 @needs_viewer

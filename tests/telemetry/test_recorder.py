@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from flightbed.errors import OutputError
 from flightbed.folder import shown
 from flightbed.live import Live
 from flightbed.mission import Result, run
-from flightbed.scenario import load_scenario
+from flightbed.scenario import Scenario, load_scenario
 from flightbed.signals import Sample
 from flightbed.telemetry import mesh
 from flightbed.telemetry.channels import with_room
@@ -25,6 +25,7 @@ from flightbed.telemetry.recording import write_recording
 from flightbed.telemetry.shown import Shown
 from flightbed.trace import row_packer
 from flightbed.units import DEG, FT
+from tests.lateral_flight import rolling
 from tests.telemetry.reading import rerun, series, static_text
 
 # entity -> what its lines are, computed from the trace's columns here and not by the channels' own code
@@ -44,13 +45,48 @@ LINES = {
     "/attitude": ["theta_deg", "phi_deg"],
     "/forces": ["lift_n", "drag_n", "thrust_n"],
 }
+# The same of a flight with roll and yaw, whose estimators are "surfaces", of all three, and "pitch".
+TURNING = {
+    **{entity: lines for entity, lines in LINES.items() if "/nis/" not in entity},
+    "/effectiveness": [f"{K}_true", f"surfaces.{K}_smoothed", f"pitch.{K}_smoothed"],
+    "/sigma": [f"log10 {K}_bound", f"log10 surfaces.{K}_std", f"log10 pitch.{K}_std"],
+    "/nis/surfaces": ["surfaces.nis", 11.070497693516351],  # of five readings
+    "/nis/pitch": ["pitch.nis", 5.991464547107979],
+    "/roll_rate": ["p_ref_deg_s", "p_deg_s"],
+    "/bank": ["phi_deg"],
+    "/aileron": ["aileron_cmd_deg", "aileron_deg", -21.5, 21.5],
+    "/effectiveness_aileron": [f"{K}_aileron_true", f"surfaces.aileron.{K}_smoothed"],
+    "/sideslip": ["beta_ref_deg", "beta_deg"],
+    "/rudder": ["rudder_cmd_deg", "rudder_deg", -30.0, 30.0],
+    "/effectiveness_rudder": [f"{K}_rudder_true", f"surfaces.rudder.{K}_smoothed"],
+}
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    return run(rolling(), tmp_path_factory.mktemp("runs") / "rolling", report=False)
+
+
+@pytest.fixture(scope="module")
+def turning(turned: Result) -> Path:
+    assert turned.folder is not None
+    return turned.folder / "flight.rrd"
+
+
+@pytest.mark.parametrize("entity", TURNING)
+def test_every_line_of_roll_and_yaw_reads_back_equal_to_the_trace(turned: Result, turning: Path, entity: str) -> None:
+    _assert_reads_back(turned, turning, entity, TURNING[entity])
 
 
 @pytest.mark.parametrize("entity", LINES)
 def test_every_line_reads_back_equal_to_the_trace(flown: Result, recording: Path, entity: str) -> None:
+    _assert_reads_back(flown, recording, entity, LINES[entity])
+
+
+def _assert_reads_back(flown: Result, recording: Path, entity: str, lines: list[str | float]) -> None:
     times, values = series(recording, entity, "Scalars:scalars")
     np.testing.assert_allclose(times, flown.trace["t_s"], atol=1e-9)
-    for found, line in zip(values.reshape(len(times), -1).T, LINES[entity], strict=True):
+    for found, line in zip(values.reshape(len(times), -1).T, lines, strict=True):
         if isinstance(line, str) and line.startswith("log10 "):
             np.testing.assert_allclose(10.0**found, np.maximum(flown.trace[line[6:]], 1e-4), rtol=1e-12)
         elif isinstance(line, float):
@@ -77,6 +113,113 @@ def test_nothing_numeric_is_in_the_recording_that_is_not_compared_here(recording
     }
     others = {entity for entity in told if "/failure" not in entity and not entity.startswith("/innovation/")}
     assert others == set(LINES)
+
+
+def test_nothing_numeric_of_roll_and_yaw_is_there_that_is_not_compared_here(turning: Path) -> None:
+    told = {c.entity_path for c in RrdReader(turning).stream() if "Scalars:scalars" in c.to_record_batch().schema.names}
+    others = {entity for entity in told if "/failure" not in entity and not entity.startswith("/innovation/")}
+    assert others == set(TURNING)
+    assert {e for e in told if e.startswith("/innovation/")} >= {"/innovation/surfaces", "/innovation/pitch"}
+    assert not any(
+        "surfaces." in e for e in told if e.startswith(("/innovation/", "/nis/"))
+    )  # one filter, one innovation
+
+
+def test_failures_of_all_surfaces_are_upright_in_all_plots_of_roll_and_yaw(turning: Path) -> None:
+    for plot in TURNING:
+        times, values = series(turning, f"{plot}/failure", "Scalars:scalars")
+        np.testing.assert_allclose(times, [4.0, 4.0, 6.0, 6.0])
+        assert values[0] < values[1] == values[2] > values[3], plot
+
+
+@pytest.mark.parametrize(
+    ("plot", "name"),
+    [
+        ("effectiveness", "surfaces"),
+        ("effectiveness", "pitch"),
+        ("effectiveness_aileron", "surfaces.aileron"),
+        ("effectiveness_rudder", "surfaces.rudder"),
+    ],
+)
+def test_bands_of_every_surface_are_two_sigma(turned: Result, turning: Path, plot: str, name: str) -> None:
+    _, values = series(turning, f"/{plot}/{name}", "Measurements:values")
+    _, variances = series(turning, f"/{plot}/{name}", "Measurements:variances")
+    np.testing.assert_array_equal(values, turned.trace[f"{name}.effectiveness"])
+    np.testing.assert_allclose(np.sqrt(variances), 2.0 * turned.trace[f"{name}.effectiveness_std"], rtol=1e-12)
+
+
+def test_the_modes_are_those_of_each_surface(turned: Result, turning: Path) -> None:
+    for surface, expected in (
+        ("elevator", [(0.0, "healthy")]),
+        ("aileron", [(0.0, "healthy"), (4.0, "failed")]),
+        ("rudder", [(0.0, "healthy"), (6.0, "failed")]),
+    ):
+        times, states = series(turning, f"/mode/{surface}", "StateChange:state")
+        assert list(zip(times, states, strict=True)) == expected
+    for name, at_s in (("surfaces.aileron", 4.0), ("surfaces.rudder", 6.0)):
+        times, states = series(turning, f"/mode/detection_{name}", "StateChange:state")
+        detected = turned.summary["estimators"][name]["detected_at_s"]
+        assert list(states) == ["no change found", "change detected"]
+        np.testing.assert_allclose(times, [0.0, at_s + detected])
+
+
+@pytest.mark.parametrize(
+    ("keys", "surface"),
+    [
+        ("kind='stuck', surface='rudder'", "rudder"),
+        ("kind='hardover', surface='aileron', side='low'", "aileron"),
+        ("kind='rate-limit', surface='elevator', to=0.1", "elevator"),
+        ("kind='bias', surface='aileron', bias_deg=2.0", "aileron"),
+    ],
+)
+def test_a_surface_whose_actuator_fails_has_failed(keys: str, surface: str, tmp_path: Path) -> None:
+    """K stays 1: the trace does not tell, the scenario does."""
+    result = run(rolling([f"failures=[{{at_s=0.5, {keys}}}]", "duration_s=1"]), tmp_path / "run", report=False)
+    assert np.all(result.trace["effectiveness_true"] == 1.0)
+    for name in ("elevator", "aileron", "rudder"):
+        times, states = series(tmp_path / "run" / "flight.rrd", f"/mode/{name}", "StateChange:state")
+        after = [(0.5, "failed")] if name == surface else []
+        assert list(zip(times, states, strict=True)) == [(0.0, "healthy"), *after], name
+
+
+def test_saturation_is_told_of_the_surface_that_saturates(tmp_path: Path) -> None:
+    hard = ["failures=[]", "duration_s=2", "lateral.roll.amplitude_deg_s=300", "lateral.roll.filter_rad_s=0"]
+    result = run(rolling(hard), tmp_path / "run", report=False)
+    times, states = series(tmp_path / "run" / "flight.rrd", "/mode/saturation_aileron", "StateChange:state")
+    inside = np.searchsorted(times, result.trace["t_s"] + 1e-9) - 1
+    stopped = np.abs(result.trace["aileron_cmd_deg"]) >= 21.5 - 1e-6
+    assert stopped.any()
+    np.testing.assert_array_equal(np.array(states)[inside] == "saturated: stop", stopped)
+    assert set(series(tmp_path / "run" / "flight.rrd", "/mode/saturation", "StateChange:state")[1]) == {"free"}
+
+
+def test_ailerons_and_rudder_turn_with_their_surfaces_and_have_the_colour_of_their_k(
+    turned: Result, turning: Path
+) -> None:
+    """Positive aileron: left trailing edge down, right one up. Positive rudder: trailing edge to the left."""
+    from scipy.spatial.transform import Rotation
+
+    below = "/world/cg/attitude"
+    for entity, rear, axis, column, sense, at_s in (
+        ("hinge_left/aileron", (-0.75, -2.0, 0.0), 2, "aileron_deg", 1.0, 4.0),
+        ("hinge_right/aileron", (-0.75, 2.0, 0.0), 2, "aileron_deg", -1.0, 4.0),
+        ("hinge_fin/rudder", (-1.0, 0.0, -2.0), 1, "rudder_deg", -1.0, 6.0),
+    ):
+        _, turns = series(turning, f"{below}/{entity}", "Transform3D:quaternion")
+        moved = Rotation.from_quat(turns.reshape(-1, 4)).apply(rear)[:, axis]
+        expected = -sense * rear[0] * np.sin(turned.trace[column] * DEG)
+        np.testing.assert_allclose(moved, expected, atol=1e-5, err_msg=entity)
+        assert np.ptp(moved) > 0.1
+        times, colors = series(turning, f"{below}/{entity}", "Mesh3D:albedo_factor")
+        np.testing.assert_allclose(times, [0.0, at_s])
+        assert len(set(colors)) == 2
+
+
+def test_a_flight_without_roll_and_yaw_has_nothing_of_them(recording: Path) -> None:
+    entities = {c.entity_path for c in RrdReader(recording).stream()}
+    assert not [
+        e for e in entities if any(word in e for word in ("aileron", "rudder", "roll_rate", "sideslip", "bank"))
+    ]
 
 
 def test_the_bound_of_nis_is_that_of_the_readings_it_is_of(tmp_path: Path) -> None:
@@ -137,10 +280,15 @@ def test_the_recording_passes_reruns_own_verification_and_is_small(recording: Pa
 
 @pytest.mark.parametrize("name", list(data.names("scenario")))
 def test_recordings_of_all_scenarios_are_small(name: str, tmp_path: Path) -> None:
-    """At most 1.5 MB for 16.5 s, whatever flies and however many estimators."""
+    """At most 1.5 MB for 16.5 s, whatever flies and however many estimators; 2.7 MB with roll and yaw, which are half as much again."""
     result = run(load_scenario(name, ["duration_s=16.5"]))
     write_recording(tmp_path / "flight.rrd", result.trace, shown(result))
-    assert (tmp_path / "flight.rrd").stat().st_size <= 1.5e6
+    limit = 1.5e6 if result.plan.lateral is None else 2.7e6
+    assert (tmp_path / "flight.rrd").stat().st_size <= limit
+
+
+def test_a_recording_of_roll_and_yaw_is_in_proportion(turned: Result, turning: Path) -> None:
+    assert turning.stat().st_size <= 2.7e6 * len(turned.trace) / 1650
 
 
 def test_the_aircraft_moves_as_flown(flown: Result, recording: Path) -> None:
@@ -259,7 +407,7 @@ class _Heard(Live):
 
     def watched(self, samples: Iterable[Sample]) -> Iterator[Sample]:
         for sample in samples:
-            self.rows.append(row_packer(len(sample.estimates))(sample))
+            self.rows.append(row_packer(len(sample.estimates), lateral=sample.lateral is not None)(sample))
             yield sample
 
     def finish(self, flown: Shown) -> None:
@@ -269,12 +417,30 @@ class _Heard(Live):
 @pytest.mark.parametrize("name", ["elevator-loss", "elevator-loss-fixed"])
 def test_pieces_say_the_same_as_the_whole(name: str, tmp_path: Path) -> None:
     """What the process that shows a live flight makes of its rows, as they come: the same values, modes and events as the file's."""
+    lanes = ("elevator", "saturation", "detection_scheduled")
+    _assert_pieces_are_the_whole(load_scenario(name), [*LINES, "/innovation/scheduled"], lanes, tmp_path)
+
+
+def test_pieces_of_roll_and_yaw_say_the_same_as_the_whole(tmp_path: Path) -> None:
+    lanes = ("elevator", "aileron", "rudder", "saturation_aileron", "saturation_rudder", "detection_surfaces.aileron")
+    moving = [f"/world/cg/attitude/{part}" for part in ("hinge_left/aileron", "hinge_fin/rudder", "hinge/stabilators")]
+    _assert_pieces_are_the_whole(rolling(), [*TURNING, "/innovation/surfaces"], lanes, tmp_path)
+    for entity in moving:
+        ours, theirs = (
+            series(tmp_path / p, entity, "Transform3D:quaternion")[1] for p in ("pieces.rrd", "run/flight.rrd")
+        )
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def _assert_pieces_are_the_whole(
+    scenario: Scenario, entities: Sequence[str], lanes: Sequence[str], tmp_path: Path
+) -> None:
     import rerun as rr
 
     from flightbed.telemetry.streamer import Show
 
     heard = _Heard()
-    result = run(load_scenario(name), tmp_path / "run", live=heard, report=False)
+    result = run(scenario, tmp_path / "run", live=heard, report=False)
     before, after = map(Shown.from_json, heard.told)
     stream = rr.RecordingStream("flightbed", recording_id="pieces")
     stream.save(tmp_path / "pieces.rrd")
@@ -288,7 +454,7 @@ def test_pieces_say_the_same_as_the_whole(name: str, tmp_path: Path) -> None:
     stream.disconnect()
     assert result.folder is not None
     pieces, whole = tmp_path / "pieces.rrd", result.folder / "flight.rrd"
-    for entity in [*LINES, "/innovation/scheduled"]:
+    for entity in entities:
         times, values = series(pieces, entity, "Scalars:scalars")
         wanted, theirs = series(whole, entity, "Scalars:scalars")
         np.testing.assert_array_equal(times, wanted)
@@ -298,7 +464,7 @@ def test_pieces_say_the_same_as_the_whole(name: str, tmp_path: Path) -> None:
         np.testing.assert_allclose(values, theirs, rtol=1e-9 if entity == "/excitation" else 0.0, atol=1e-9)
     ours, theirs = (set(series(p, "/events", "TextLog:text")[1]) for p in (pieces, whole))
     assert ours == theirs
-    for lane in ("elevator", "saturation", "detection_scheduled"):
+    for lane in lanes:
         ours, theirs = (series(p, f"/mode/{lane}", "StateChange:state") for p in (pieces, whole))
         assert [list(o) for o in ours] == [list(t) for t in theirs]
     assert (
@@ -343,7 +509,10 @@ def test_the_stabilators_turn_with_the_elevator(flown: Result, recording: Path) 
 
 
 def test_the_mesh_is_symmetric_and_its_faces_are_in_range() -> None:
-    for shape in (mesh.airframe(), mesh.stabilators()):
+    both = mesh.aileron(-1.0).vertices, mesh.aileron(1.0).vertices
+    np.testing.assert_allclose(both[0] * [1.0, -1.0, 1.0], both[1])
+    assert len(mesh.airframe(rudder=False).vertices) < len(mesh.airframe().vertices)
+    for shape in (mesh.airframe(), mesh.airframe(rudder=False), mesh.stabilators(), mesh.rudder()):
         assert shape.faces.max() < len(shape.vertices) == len(shape.colors)
         y = np.sort(shape.vertices[:, 1])
         np.testing.assert_allclose(y, -y[::-1], atol=1e-5)

@@ -19,6 +19,7 @@ from flightbed.scenario import load_scenario
 from flightbed.telemetry import viewer
 from flightbed.telemetry.layout import TABS
 from flightbed.telemetry.recording import write_recording
+from tests.lateral_flight import SOON, rolling
 from tests.telemetry.viewers import needs_viewer
 
 pytestmark = needs_viewer
@@ -177,6 +178,7 @@ def test_flights_without_estimators_forces_or_failures_are_shown_too(tmp_path: P
         "linear": load_scenario("thesis-loss", ["duration_s=6"]),
         "bare": load_scenario("nominal", ["duration_s=2", "estimators=[]", "adaptation.enabled=false"]),
         "gust": load_scenario("elevator-and-cg"),
+        "rolling": rolling(SOON),
     }
     for name, scenario in bare.items():
         result: Result = run(scenario)

@@ -1,0 +1,120 @@
+"""The figures of what was estimated in a flight: K, how well the innovations fit, how far to trust it; facts from what is drawn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flightbed import drawing, palette
+from flightbed.naming import numbered, of_surface, surface_of
+from flightbed.signals import SURFACES
+from flightbed.statistics import chi_square_bound
+from flightbed.trace import true_share
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from flightbed.mission import Result
+
+_NIS_SHOWN = 18.0  # of an estimator that does not say how many readings it predicts; of others three times the bound
+
+
+def color_of(result: Result, name: str) -> str:
+    """Return the colour of an estimator, the same in all figures."""
+    return palette.estimate(numbered(result.trace.estimators)[name])
+
+
+def number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
+    """Return a number with its unit, - for none and for one that is not finite."""
+    return "-" if value is None or not np.isfinite(value) else format(value, spec) + unit
+
+
+def estimated(result: Result) -> list[str]:
+    """Return the surfaces whose K is estimated."""
+    return [surface for surface in SURFACES if of_surface(result.trace.estimators, surface)]
+
+
+def effectiveness(axes: list[Axes], result: Result) -> str:
+    """Draw each estimate, its band and the truth of its surface, on axes of its own; returns how far they are from each other."""
+    trace, words = result.trace, []
+    t = trace["t_s"]
+    for axis, name in zip(axes, trace.estimators, strict=True):
+        truth, color = trace[true_share(name)], color_of(result, name)
+        raw, std, smoothed = (trace[f"{name}.effectiveness{c}"] for c in ("", "_std", "_smoothed"))
+        drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.4, label="truth")
+        drawing.band(axis, t, raw - 2.0 * std, raw + 2.0 * std, color=color, alpha=0.18, label="+-2 sigma")
+        drawing.line(axis, t, raw, color=color, linewidth=0.6, alpha=0.7, label=f"K-hat of '{name}'")
+        drawing.line(axis, t, smoothed, color=color, linewidth=1.3, label="smoothed")
+        settled = np.concatenate([raw[t > 0.3], truth])
+        settled = settled[np.isfinite(settled)]
+        axis.set_ylim(max(-1.0, min(-0.08, settled.min() - 0.05)), min(3.0, max(1.25, settled.max() + 0.05)))
+        axis.set_ylabel("K")
+        m = result.summary["estimators"][name]
+        inside = np.mean(np.abs(raw - truth) <= 2.0 * std)
+        after = number(m["median_abs_error_post"], ".2g")
+        error = (
+            "" if m["median_abs_error_post"] is None else f"median |K-hat - K| {after} from 0.3 s after the failure, "
+        )
+        words.append(
+            f"'{name}' ends at {number(m['final'], '.3f')} (truth {truth[-1]:.3f}), {error}truth within +-2 sigma in "
+            f"{inside:.0%} of the ticks."
+        )
+    return " ".join(words)
+
+
+def nis(axes: list[Axes], result: Result) -> str:
+    """Draw the NIS of each estimator with its 95 % bound; returns means and shares."""
+    words = []
+    for axis, name in zip(axes, of_surface(result.trace.estimators, "elevator"), strict=True):
+        readings = result.summary["estimators"][name]["nis_expected"]
+        bound = None if readings is None else chi_square_bound(readings)
+        shown = _NIS_SHOWN if bound is None else 3.0 * bound
+        nis = result.trace[f"{name}.nis"][1:]
+        drawing.line(axis, result.trace["t_s"][1:], nis, color=color_of(result, name), linewidth=0.7, label=f"'{name}'")
+        if bound is not None:
+            axis.axhline(bound, color=drawing.OTHER, linestyle="--", linewidth=1.0, label="95 % bound")
+        axis.set_ylabel("NIS")
+        finite = nis[np.isfinite(nis)]
+        axis.set_ylim(0.0, shown)
+        if finite.size:
+            beyond = int(np.sum(finite > shown))
+            cut = f", {beyond} beyond the frame, the largest {finite.max():.3g}" if beyond else ""
+            above = (
+                "" if bound is None else f", above the bound {bound:.2f} in {np.mean(finite > bound):.1%} of the ticks"
+            )
+            words.append(f"'{name}': mean {finite.mean():.2f}{above}{cut}.")
+    return " ".join(words)
+
+
+def sigma(axes: list[Axes], result: Result) -> str:
+    """Draw what each estimate says of itself, surface by surface, and the bound of the elevator's; returns medians."""
+    trace, words = result.trace, []
+    t, bound, shown = trace["t_s"], trace.columns.get("effectiveness_bound"), estimated(result)
+    if bound is not None:
+        drawing.line(
+            axes[0],
+            t,
+            np.where(bound > 0.0, bound, np.nan),
+            color=drawing.OTHER,
+            linewidth=3.5,
+            alpha=0.45,
+            label="Cramer-Rao bound",
+        )
+    for name in trace.estimators:
+        std = trace[f"{name}.effectiveness_std"]
+        axis = axes[shown.index(surface_of(name))]
+        drawing.line(axis, t, np.where(std > 0.0, std, np.nan), color=color_of(result, name), label=f"'{name}'")
+        words.append(f"'{name}': median sigma {number(float(np.median(std)), '.2g')}.")
+    if bound is not None:
+        words.append(f"Bound: median {number(float(np.median(bound)), '.2g')}.")
+    for axis in axes:
+        if any(np.any(np.asarray(line.get_ydata()) > 0.0) for line in axis.lines):
+            axis.set_yscale("log")
+            axis.yaxis.set_major_formatter(
+                "{x:g}"
+            )  # powers of ten would be set by matplotlib's mathematics: slow to load
+            axis.yaxis.set_minor_formatter("")
+        axis.set_ylim(top=3.0)
+        axis.set_ylabel("sigma of K")
+    return " ".join(words)

@@ -1,0 +1,140 @@
+"""The event log of a flight: what fails, what blows, what was declared, reached, and late, in words and with their times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from flightbed.aircraft import Actuator
+from flightbed.loop import DEPARTURE_RAD
+from flightbed.metrics import at_stop, since_s
+from flightbed.pacing import Spell, late_spells
+from flightbed.settings import Failure, GustSettings, Scenario
+from flightbed.trace import Trace, true_share
+from flightbed.units import DEG
+
+_MANY = 10  # spells of late ticks that the event log tells one by one
+
+
+def failures(scenario: Scenario) -> list[str]:
+    """Return the failures of a scenario in words."""
+    return [f"at {f.at_s:g} s {_happens(f)}" for f in scenario.failures]
+
+
+def gusts(scenario: Scenario) -> list[str]:
+    """Return the gusts of a scenario in words."""
+    return [f"at {g.at_s:g} s {_blows(g)}" for g in scenario.gusts]
+
+
+def _happens(failure: Failure) -> str:
+    surface = f"the {failure.surface}"
+    match failure.kind:
+        case "ramp":
+            return f"{surface} begins to go to {failure.to:.0%} of its effect, over {failure.over_s:g} s"
+        case "structural":
+            return f"{surface} keeps {failure.to:.0%} of its moment and {failure.force_to:.0%} of its lift and drag"
+        case "cg-shift":
+            where = "aft" if failure.shift_cbar >= 0.0 else "ahead"
+            return f"the c.g. moves to {abs(failure.shift_cbar):.1%} of the chord {where} of where it was at take-off"
+        case "stuck":
+            return f"{surface} is stuck where it is"
+        case "floating":
+            return f"{surface} comes off its actuator and trails in the stream"
+        case "hardover":
+            return (
+                f"{surface} runs to its {'highest' if failure.side == 'high' else 'lowest'} stop, whatever is commanded"
+            )
+        case "rate-limit":
+            return f"{surface} keeps {failure.to:.0%} of its rate limit"
+        case "bias":
+            return f"{surface} is off by {failure.bias_deg:+g} deg, which its position feedback does not show"
+    return f"{surface} keeps {failure.to:.0%} of its effect"
+
+
+def _blows(gust: GustSettings) -> str:
+    rising = f"rising for {gust.rise_s:g} s" + (f", held for {gust.hold_s:g} s" if gust.hold_s else "")
+    return f"a gust of {abs(gust.up_fps):g} ft/s {'up' if gust.up_fps >= 0.0 else 'down'}, {rising}"
+
+
+def planned_events(scenario: Scenario) -> list[tuple[float, str, bool]]:
+    """Return (time in s, text, severe) of what the scenario says will happen, in order of time."""
+    planned = [(f.at_s, f"FAILURE: {_happens(f)}", True) for f in scenario.failures]
+    return sorted(planned + [(g.at_s, f"gust: {_blows(g)}", False) for g in scenario.gusts])
+
+
+def seen_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int = 0) -> list[tuple[float, str, bool]]:
+    """Return (time in s, text, severe) of what a trace shows from index ``since`` on: declared changes, stops reached.
+
+    Args:
+        trace: the flight, or a part of it.
+        actuators: of the surfaces that are commanded, by name.
+        since: index.
+
+    """
+    seen = []
+    for name in trace.estimators:
+        alarms = trace[f"{name}.alarms"]
+        seen += [
+            (int(i), f"'{name}' declares a change of K, to {trace[f'{name}.effectiveness'][i]:.2f}")
+            for i in np.flatnonzero(np.diff(alarms, prepend=0.0) > 0.0)
+        ]
+    for surface, actuator in actuators.items():
+        cut = at_stop(trace, actuator, surface)
+        rising = np.flatnonzero(cut & ~np.concatenate([[False], cut[:-1]]))
+        seen += [(int(i), f"{surface} command at its stop") for i in rising]
+    return [(float(trace["t_s"][i]), text, False) for i, text in seen if i >= since]
+
+
+def events(
+    scenario: Scenario, trace: Trace, summary: dict[str, Any], actuators: Mapping[str, Actuator]
+) -> list[tuple[float, str, bool]]:
+    """Return (time in s, text, severe) of what happened, in order of time.
+
+    Args:
+        scenario: what flew.
+        trace, summary: how, and what metrics.json holds of it.
+        actuators: of the surfaces that were commanded, by name.
+
+    """
+    happened = [event for event in planned_events(scenario) if event[0] <= trace["t_s"][-1]]
+    happened += seen_events(trace, actuators)
+    weak = {name for name in trace.estimators if np.any(trace[true_share(name)] != 1.0)}
+    told = (
+        set(trace.estimators) if len(actuators) == 1 else weak
+    )  # nobody looks for a K that has not changed beside one that has
+    for name, m in summary["estimators"].items():
+        since = since_s(trace, name, summary["failed_at_s"])
+        if since is not None and m["first_within_20pct_s"] is not None and name in told:
+            happened.append((since + m["first_within_20pct_s"], f"K of '{name}' within 20 % of the truth", False))
+    happened += _late(late_spells(trace))
+    if summary["ended"] == "ground":
+        happened.append((summary["flown_s"], "HIT THE GROUND", True))
+    if summary["departed"]:
+        happened.append((summary["departed_at_s"], f"DEPARTED: {why_departed(trace)}", True))
+    return sorted(happened)
+
+
+def why_departed(trace: Trace) -> str:
+    """Return in words what a flight that departed ended by."""
+    if "beta_deg" in trace.columns and not abs(trace["beta_deg"][-1]) * DEG <= DEPARTURE_RAD:
+        return f"sideslip more than {DEPARTURE_RAD / DEG:g} deg"
+    return f"alpha more than {DEPARTURE_RAD / DEG:g} deg from trim"
+
+
+def _late(spells: list[Spell]) -> list[tuple[float, str, bool]]:
+    """Return the late ticks as events: one a spell, or, of many spells, a single one at the worst."""
+    if len(spells) <= _MANY:
+        return [
+            (spell.t_s, f"{spell.ticks} tick{'s'[: spell.ticks > 1]} late, by up to {milliseconds(spell.worst_overrun_ms)} ms", False)
+            for spell in spells
+        ]  # fmt: skip
+    ticks, worst = sum(spell.ticks for spell in spells), max(spells, key=lambda spell: spell.worst_overrun_ms)
+    text = f"{ticks} ticks late in {len(spells)} spells, here the worst, by {milliseconds(worst.worst_overrun_ms)} ms"
+    return [(worst.t_s, text, False)]
+
+
+def milliseconds(value: float) -> str:
+    """Return a time in ms for a sentence, no finer than it matters."""
+    return "0" if value < 0.005 else f"{value:.2g}" if value < 10.0 else f"{value:.0f}"

@@ -1,0 +1,295 @@
+"""Flights with roll and yaw of their own: flown, recorded both ways, measured, corrected, and refused where they cannot be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flightbed.aircraft import load_aircraft
+from flightbed.assembly import assemble
+from flightbed.consistency import detectors, estimates
+from flightbed.errors import EstimateError, ScenarioError
+from flightbed.estimation.surfaces import TwoStagePitch, TwoStageSurfaces
+from flightbed.event_log import why_departed
+from flightbed.loop import fly
+from flightbed.metrics import SETTLING_S, measure
+from flightbed.mission import Result, run
+from flightbed.plan import plan
+from flightbed.scenario import load_scenario
+from flightbed.sensors import LateralNoise, LateralSensors
+from flightbed.signals import Health, LateralSample, LateralTruth, Sample
+from flightbed.trace import collect, from_rows, read_trace, row_packer, row_width, true_share
+from flightbed.units import DEG
+from tests.lateral_flight import NAMES, SOON, rolling
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    return run(rolling(), tmp_path_factory.mktemp("runs") / "run", rerun=False, report=False)
+
+
+@pytest.fixture(scope="module")
+def samples() -> list[Sample]:
+    return list(fly(assemble(plan(rolling(SOON)))))
+
+
+def test_roll_rate_and_sideslip_are_followed_and_the_wings_come_back(flown: Result) -> None:
+    trace = flown.trace
+    assert not flown.metrics.departed
+    assert len(trace) == 1200
+    for column, reference, left in (("p_deg_s", "p_ref_deg_s", 0.4), ("beta_deg", "beta_ref_deg", 0.7)):
+        missed = np.sqrt(np.mean((trace[column] - trace[reference]) ** 2)) / np.sqrt(np.mean(trace[reference] ** 2))
+        assert missed < left, column
+    assert np.abs(trace["phi_deg"]).max() < 45.0
+
+
+def test_without_a_correction_the_weak_surfaces_follow_worse(flown: Result) -> None:
+    fixed = run(rolling(["adaptation.enabled=false"])).metrics
+    assert fixed.tracking_rms_post_p_deg_s is not None
+    assert flown.metrics.tracking_rms_post_p_deg_s is not None
+    assert fixed.tracking_rms_post_p_deg_s > 1.2 * flown.metrics.tracking_rms_post_p_deg_s
+    assert fixed.tracking_rms_pre_p_deg_s == pytest.approx(flown.metrics.tracking_rms_pre_p_deg_s, rel=0.1)
+
+
+def test_the_oracle_flies_as_healthy_while_nothing_is_cut() -> None:
+    """Told K of both surfaces, the law asks so much more of them that p and beta move as if nothing had failed."""
+    small = ["lateral.roll.amplitude_deg_s=4", "lateral.sideslip.amplitude_deg=0.5", "estimators=[]"]
+    told = run(rolling([*small, "adaptation.oracle=true"])).trace
+    healthy = run(rolling([*small, "failures=[]", "adaptation.enabled=false"])).trace
+    # At the failure K times position steps, which takes the actuator a while to make good.
+    weak = told["t_s"] > 7.0
+    for column in ("p_deg_s", "beta_deg"):
+        assert np.abs(told[column] - healthy[column])[weak].max() < 0.002 * np.abs(healthy[column]).max(), column
+    ratio = np.linalg.norm(told["aileron_deg"][weak]) / np.linalg.norm(healthy["aileron_deg"][weak])
+    assert ratio == pytest.approx(1.0 / 0.4, rel=0.02)
+
+
+def test_both_ways_of_recording_say_the_same(samples: list[Sample]) -> None:
+    """Sample by sample, and packed rows at once; every field is in its column, in its unit."""
+    packed = b"".join(map(row_packer(len(NAMES), lateral=True), samples))
+    assert len(packed) == 8 * row_width(len(NAMES), lateral=True) * len(samples)
+    one = from_rows(np.frombuffer(packed), estimators=NAMES, control_hz=100, lateral=True)
+    other = collect(iter(samples), estimators=NAMES, control_hz=100)
+    assert list(one.columns) == list(other.columns)
+    for name in one.columns:
+        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+    picked = samples[123]
+    assert picked.lateral is not None
+    values: dict[str, float] = {
+        "p_cmd_deg_s": picked.lateral.p_cmd_rad_s, "p_ref_deg_s": picked.lateral.p_ref_rad_s,
+        "beta_cmd_deg": picked.lateral.beta_cmd_rad, "beta_ref_deg": picked.lateral.beta_ref_rad,
+        "aileron_cmd_deg": picked.lateral.aileron_cmd_rad, "rudder_cmd_deg": picked.lateral.rudder_cmd_rad,
+        "beta_deg": picked.lateral.truth.beta_rad, "p_deg_s": picked.lateral.truth.p_rad_s,
+        "r_deg_s": picked.lateral.truth.r_rad_s, "aileron_deg": picked.lateral.truth.aileron_rad,
+        "rudder_deg": picked.lateral.truth.rudder_rad, "beta_meas_deg": picked.lateral.measurement.beta_rad,
+        "p_meas_deg_s": picked.lateral.measurement.p_rad_s, "r_meas_deg_s": picked.lateral.measurement.r_rad_s,
+        "aileron_mean_meas_deg": picked.lateral.measurement.aileron_mean_rad,
+        "rudder_mean_meas_deg": picked.lateral.measurement.rudder_mean_rad,
+    }  # fmt: skip
+    for name, value in values.items():
+        assert one[name][123] == pytest.approx(value / DEG, rel=1e-15), name
+    assert one["effectiveness_aileron_true"][123] == picked.lateral.truth.aileron_effectiveness == 0.4
+    assert one["surfaces.rudder.effectiveness"][123] == picked.estimates[2].effectiveness
+    assert one["pitch.nis"][123] == picked.estimates[3].nis
+
+
+def test_the_file_gives_the_trace_back(flown: Result) -> None:
+    assert flown.folder is not None
+    read = read_trace(flown.folder / "trace.parquet")
+    assert read.estimators == flown.trace.estimators == NAMES
+    for name in flown.trace.columns:
+        np.testing.assert_array_equal(read[name], flown.trace[name], err_msg=name)
+
+
+def test_the_same_flight_twice_is_the_same_to_the_last_bit(samples: list[Sample]) -> None:
+    again = list(fly(assemble(plan(rolling(SOON)))))
+    pack = row_packer(len(NAMES), lateral=True)
+    assert b"".join(map(pack, again)) == b"".join(map(pack, samples))
+
+
+def test_the_pitch_axis_is_left_as_it_was_by_sensors_of_roll_and_yaw() -> None:
+    """Noise of alpha and q is that of the flight without them: their streams are their own."""
+    sensed, alone = (assemble(plan(rolling([f"lateral.enabled={on}", "failures=[]", "adaptation.enabled=false"]))).sensors
+                     for on in ("true", "false"))  # fmt: skip
+    np.testing.assert_array_equal(sensed.errors, alone.errors)
+
+
+def test_sensors_of_roll_and_yaw_have_the_noise_that_they_are_given() -> None:
+    noise, ticks = LateralNoise(1e-3, 2e-3, 3e-3, 4e-3, 0.0), 20_000
+    sensors = LateralSensors(noise, ticks=ticks, seed=np.random.SeedSequence(3))
+    truth = LateralTruth(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
+    off = np.array([sensors.read(k, truth) for k in range(ticks)]) - truth[:7]
+    # Five standard errors of a standard deviation of so many draws.
+    np.testing.assert_allclose(off[:, :4].std(axis=0), [1e-3, 2e-3, 3e-3, 4e-3], rtol=5.0 / np.sqrt(2 * ticks))
+    np.testing.assert_array_equal(off[:, [4, 6]], 0.0)
+    np.testing.assert_allclose(
+        off[:, 5], off[:, 3], rtol=0.0, atol=1e-15
+    )  # the averaged position carries the same error
+    assert np.abs(np.corrcoef(off[:, :4].T) - np.eye(4)).max() < 5.0 / np.sqrt(ticks)
+
+
+def test_each_estimate_is_measured_against_the_truth_of_its_surface(flown: Result) -> None:
+    trace, measured = flown.trace, flown.metrics.estimators
+    assert [true_share(name) for name in NAMES] == [
+        "effectiveness_true", "effectiveness_aileron_true", "effectiveness_rudder_true", "effectiveness_true",
+    ]  # fmt: skip
+    for name, at_s, to in (("surfaces.aileron", 4.0, 0.4), ("surfaces.rudder", 6.0, 0.5)):
+        truth = trace[true_share(name)]
+        np.testing.assert_array_equal(truth, np.where(trace["t_s"] >= at_s - 1e-9, to, 1.0))
+        late = trace["t_s"] >= at_s + SETTLING_S - 1e-9
+        error = np.abs(trace[f"{name}.effectiveness"] - truth)
+        assert measured[name].median_abs_error_post == np.median(error[late])
+        assert measured[name].median_abs_error_post < 0.05
+        within = np.flatnonzero((trace["t_s"] >= at_s - 1e-9) & (error <= 0.2 * truth))[0]
+        assert measured[name].first_within_20pct_s == pytest.approx(trace["t_s"][within] - at_s)
+        found = measured[name].detected_at_s
+        assert found is not None
+        assert found < 0.5
+        assert measured[name].efficiency is None
+    assert measured["surfaces"].efficiency is not None
+    assert {measured[name].nis_expected for name in NAMES[:3]} == {5.0}
+
+
+def test_tracking_of_all_axes_is_told_and_of_pitch_alone_elsewhere(flown: Result) -> None:
+    trace, metrics = flown.trace, flown.metrics
+    before, late = trace["t_s"] < 4.0 - 1e-9, trace["t_s"] >= 4.0 + SETTLING_S - 1e-9
+    for when, ticks in (("pre", before), ("post", late)):
+        for key, column, reference in (("p_deg_s", "p_deg_s", "p_ref_deg_s"), ("beta_deg", "beta_deg", "beta_ref_deg")):
+            expected = np.sqrt(np.mean((trace[column] - trace[reference])[ticks] ** 2))
+            assert getattr(metrics, f"tracking_rms_{when}_{key}") == pytest.approx(expected, rel=1e-12)
+            assert flown.summary[f"tracking_rms_{when}_{key}"] == getattr(metrics, f"tracking_rms_{when}_{key}")
+    pitch = run(load_scenario("nominal", ["duration_s=0.5"])).summary
+    keys = [f"tracking_rms_{when}_{key}" for when in ("pre", "post") for key in ("p_deg_s", "beta_deg")]
+    assert [pitch[key] for key in keys] == [None] * 4
+
+
+def test_a_flight_that_slips_too_far_departs() -> None:
+    """The loop ends after the sample with more than 25 deg, as metrics and words have it."""
+
+    class Slipping:
+        def __init__(self, plant: Any) -> None:
+            self._plant, self._told = plant, 0
+
+        def sense_lateral(self, health: Health) -> LateralTruth:
+            self._told += 1
+            truth: LateralTruth = self._plant.sense_lateral(health)
+            return truth._replace(beta_rad=(self._told - 1) * 0.5 * DEG)
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self._plant, name)
+
+    flight = assemble(plan(rolling(["estimators=[]", "adaptation.enabled=false"])))
+    assert flight.lateral is not None
+    slipping = replace(flight, lateral=replace(flight.lateral, plant=Slipping(flight.plant)))
+    trace = collect(fly(slipping), estimators=(), control_hz=100)
+    assert trace["beta_deg"][-1] == pytest.approx(25.5)
+    assert len(trace) == 52
+    measured = measure(trace, alpha_trim_deg=trace["alpha_deg"][0], failed_at_s=None)
+    assert (measured.departed, measured.departed_at_s) == (True, 0.51)
+    assert why_departed(trace) == "sideslip more than 25 deg"
+    assert not measure(
+        trace.with_column("beta_deg", 0.9 * trace["beta_deg"]), alpha_trim_deg=0.8, failed_at_s=None
+    ).departed
+
+
+def test_commands_reach_aileron_and_rudder_late_if_asked() -> None:
+    prompt, late = (run(rolling([f"rates.delay_ticks={n}", "duration_s=1", "failures=[]"])).trace for n in (0, 3))
+    first = [int(np.flatnonzero(np.abs(t["aileron_deg"]) > 1e-9)[0]) for t in (prompt, late)]
+    assert first[1] - first[0] == 3
+
+
+def test_names_of_estimates_and_tests_are_known_before_take_off() -> None:
+    scenario = rolling()
+    assert estimates(scenario) == detectors(scenario) == NAMES
+    pitch = rolling(["lateral.enabled=false", "failures=[]"])
+    assert estimates(pitch) == detectors(pitch) == ("surfaces", "pitch")
+    assert isinstance(assemble(plan(scenario)).estimators[0], TwoStageSurfaces)
+    assert isinstance(assemble(plan(pitch)).estimators[0], TwoStagePitch)
+
+
+def test_a_smoothed_k_that_is_no_number_is_told() -> None:
+    class Broken:
+        surfaces = ("elevator", "aileron", "rudder")
+
+        def __init__(self, inner: TwoStageSurfaces) -> None:
+            self._inner, self._tick = inner, 0
+
+        def update_all(self, *readings: Any) -> list[Any]:
+            told = list(self._inner.update_all(*readings))
+            if self._tick == 7:
+                told[1] = told[1]._replace(effectiveness_smoothed=float("nan"))
+            self._tick += 1
+            return told
+
+    flight = assemble(plan(rolling()))
+    inner = flight.estimators[0]
+    assert isinstance(inner, TwoStageSurfaces)
+    with pytest.raises(
+        EstimateError, match="smoothed K of a surface is nan at tick 7; the law cannot be corrected by that"
+    ):
+        list(fly(replace(flight, estimators=[Broken(inner), *flight.estimators[1:]])))
+
+
+def test_an_estimator_of_several_surfaces_flies_only_where_they_are_commanded() -> None:
+    with pytest.raises(ValueError, match="flies only where aileron and rudder are commanded"):
+        replace(assemble(plan(rolling())), lateral=None)
+
+
+@pytest.mark.parametrize(
+    ("settings", "problem"),
+    [
+        (["lateral.enabled=false"], "failures.0.surface: aileron and rudder are the stock laws' (got 'aileron'); set lateral.enabled to true"),
+        (["failures.0.kind=structural", "failures.0.force_to=1"], "failures.0.surface: must be 'elevator' with kind = 'structural' (got 'aileron')"),
+        (["failures.0.surface=flap"], "failures.0.surface: must be 'elevator', 'aileron' or 'rudder' (got 'flap')"),
+        (["failures.0={kind='bias', surface='aileron', at_s=1}"], "failures.0.bias_deg: is missing; a failure of kind 'bias' needs it"),
+        (["failures.0={kind='hardover', surface='aileron', at_s=1, side='left'}"], "failures.0.side: must be 'low' or 'high' (got 'left')"),
+        (["lateral.roll.kind=multisine", "lateral.roll.low_hz=3", "lateral.roll.high_hz=2"], "lateral.roll.low_hz: must be no higher than high_hz = 2 (got 3)"),
+        (["lateral.beta_deg=0"], "lateral.beta_deg: must be above 0"),
+        (["lateral.roll.gain=1"], "unknown key lateral.roll.gain"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_flown_is_refused_in_words(settings: list[str], problem: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        rolling(settings)
+    assert any(problem in text for text in caught.value.problems), caught.value.problems
+
+
+@pytest.mark.parametrize("failures", [[], [{"kind": "bias", "at_s": 1.0, "bias_deg": 1.0}]])
+def test_a_linear_aircraft_has_neither_roll_and_yaw_nor_actuators(failures: list[dict[str, Any]]) -> None:
+    raw = load_scenario("thesis-loss").model_dump(by_alias=True, exclude_none=True)
+    raw |= {"failures": failures} if failures else {"lateral": {"enabled": True}}
+    with pytest.raises(
+        ScenarioError, match="failures.0.kind: 'bias'" if failures else "lateral.enabled: must be False"
+    ):
+        plan(load_scenario(raw))
+
+
+def test_an_overlay_without_the_properties_refuses_what_needs_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    f16 = load_aircraft("f16")
+    named = {key: path for key, path in f16.properties.items() if key not in ("rudder_stuck", "aileron_offset_rad")}
+    scenario = rolling(
+        [
+            "failures=[{kind='stuck', surface='rudder', at_s=1}, {kind='floating', surface='aileron', at_s=1}, "
+            "{kind='stuck', at_s=1}]"
+        ]
+    )
+    monkeypatch.setattr("flightbed.plan.load_flyable", lambda _: replace(f16, properties=named))
+    with pytest.raises(ScenarioError) as caught:
+        plan(scenario)
+    assert list(caught.value.problems) == [
+        "failures.0.kind: 'stuck' needs properties.rudder_stuck, which the overlay of f16 does not name",
+        "failures.1.kind: 'floating' needs properties.aileron_offset_rad, which the overlay of f16 does not name",
+    ]
+    monkeypatch.setattr("flightbed.plan.load_flyable", lambda _: replace(f16, lateral={}))
+    with pytest.raises(
+        ScenarioError, match="lateral.enabled: must be false with the aircraft f16, whose overlay has no"
+    ):
+        plan(rolling())
+
+
+def test_a_lateral_sample_is_what_the_recorder_takes(samples: list[Sample]) -> None:
+    assert all(isinstance(sample.lateral, LateralSample) for sample in samples)
+    assert [sample.tick for sample in samples] == list(range(300))
