@@ -44,7 +44,7 @@ def _assert_equal(one: Trace, other: Trace) -> None:
         np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
-@pytest.mark.parametrize("name", data.names("scenario"))
+@pytest.mark.parametrize("name", [*data.names("scenario")])
 def test_shipped_scenarios_are_the_same_both_ways(name: str) -> None:
     scenario = load_scenario(name)
     if scenario.lateral.enabled or scenario.control.law == "lq":
