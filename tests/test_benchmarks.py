@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -173,3 +174,23 @@ def test_every_benchmark_can_be_loaded(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 0, done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_documents_name_every_benchmark_and_none_that_is_not_there() -> None:
+    root = BENCHMARKS.parent
+    pages = [root / "README.md", *sorted((root / "docs").glob("*.md"))]
+    named = {name for page in pages for name in re.findall(r"benchmarks/(\w+\.py)", page.read_text())}
+    here = {path.name for path in BENCHMARKS.glob("*.py")}
+    assert named <= here
+    page = (root / "docs" / "benchmarks.md").read_text()
+    assert here <= set(re.findall(r"(\w+\.py)\b", page))
+
+
+def test_the_page_has_the_sections_and_rows_of_the_command(quick: tuple[str, dict[str, Any]]) -> None:
+    """Rows that tell of numbers of flights or workers differ between a smoke run and a full one."""
+    page = (BENCHMARKS.parent / "docs" / "benchmarks.md").read_text()
+    for section, tables in quick[1]["sections"].items():
+        part = page.partition(f"## {section.capitalize()}\n")[2].partition("\n## ")[0]
+        written = {line.split("|")[1].strip() for line in part.splitlines() if line.startswith("| ")}
+        rows = {name for table in tables for name in table["rows"] if not re.search(r"after \d+|workers", name)}
+        assert rows <= written, section

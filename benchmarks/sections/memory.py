@@ -16,6 +16,7 @@ from measuring import Column, Effort, Table, interleaved, plain_shell
 from .loop import SCENARIO
 
 _MB, _KB = 1e6, 1e3
+ROUNDS = 3  # at most: a round takes a minute, and they hardly differ
 
 
 def measure(effort: Effort) -> list[Table]:
@@ -26,7 +27,7 @@ def measure(effort: Effort) -> list[Table]:
         "held": lambda: _asked("held", effort.held, effort.overrides),
         "grown": lambda: _asked("grown", effort.flights, effort.overrides),
     }
-    found = interleaved(ways, effort.rounds, warm=0)
+    found = interleaved(ways, min(effort.rounds, ROUNDS), warm=0)
     held, grown = found["held"], [one["memory"] for one in found["grown"]]
     of_process = {
         "python alone": [[h["python"] / _MB for h in held]],

@@ -69,6 +69,7 @@ def measure(effort: Effort) -> list[Table]:
             "the same, without recording and report": lambda: shell.python(*bare),
             "flightbed list": lambda: shell.python("-m", "flightbed", "list"),
             "import flightbed": lambda: shell.python("-c", "import flightbed"),
+            "from flightbed import run": lambda: shell.python("-c", "from flightbed import run"),
             "python alone": lambda: shell.python("-c", "pass"),
         }
         taken = interleaved(ways, effort.rounds, warm=0)
