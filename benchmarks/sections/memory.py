@@ -48,9 +48,11 @@ def measure(effort: Effort) -> list[Table]:
     }
     megabytes = Column("resident", "MB", ".2f")
     return [
-        Table(f"{SCENARIO}, in one process; {effort.held} flights held", (megabytes,), of_process),
         Table(
-            f"{effort.flights} flights of {SCENARIO} one after the other, none kept",
+            f"{SCENARIO}, in one process; {effort.held} flights held; processes: {len(held)}", (megabytes,), of_process
+        ),
+        Table(
+            f"{effort.flights} flights of {SCENARIO} one after the other, none kept; processes: {len(grown)}",
             (megabytes, Column("growth", "%", ".2f"), Column("growth a flight since the row above", "kB", ".2f")),
             over,
         ),
