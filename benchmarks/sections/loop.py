@@ -15,11 +15,11 @@ from typing import Any
 
 from measuring import Column, Effort, Table, differences, interleaved, ratios, seconds
 
-from flightbed.loop import Flight, fly
-from flightbed.mission import Plan, assemble, plan
+from flightbed.loop import Flight
+from flightbed.mission import Plan, assemble, collected, plan
 from flightbed.plant.jsbsim import JsbsimPlant
 from flightbed.scenario import Scenario, load_scenario
-from flightbed.trace import Trace, collect
+from flightbed.trace import Trace
 from flightbed.units import DEG
 
 SCENARIO = "elevator-loss"
@@ -39,8 +39,7 @@ ESTIMATORS: Mapping[str, Mapping[str, Any]] = {
 
 def into_trace(flight: Flight, scenario: Scenario) -> Trace:
     """Fly a flight that is ready, as ``flightbed run`` does; the one place where the benchmarks do so."""
-    names = [estimator.name for estimator in scenario.estimators]
-    return collect(fly(flight), estimators=names, control_hz=scenario.rates.control_hz)
+    return collected(flight, scenario)
 
 
 def measure(effort: Effort) -> list[Table]:
