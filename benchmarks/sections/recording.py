@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from measuring import Column, Effort, Table, differences, interleaved, ratios, s
 from flightbed.assembly import sensor_noise
 from flightbed.bound import bound, schedule_models
 from flightbed.folder import shown
-from flightbed.loop import fly
+from flightbed.fused import rows_of
 from flightbed.metrics import measure as metrics_of
 from flightbed.mission import Result, assemble, fly_plan, run
 from flightbed.pacing import heap_set_aside
@@ -29,7 +28,7 @@ from flightbed.units import DEG
 from .loop import SCENARIO, into_trace
 
 _TRACE, _PARQUET, _RRD, _REPORT = "flown into a trace", "trace.parquet", "flight.rrd", "report.html"
-_DROPPED = "flown, samples dropped"
+_DROPPED = "flown, no trace made of it"
 
 
 def measure(effort: Effort) -> list[Table]:
@@ -52,7 +51,7 @@ def measure(effort: Effort) -> list[Table]:
         taken = interleaved(ways, effort.rounds)
         sizes = {file: [(folder / file).stat().st_size / 1e3] for file in (_PARQUET, _RRD, _REPORT)}
     sizes[_TRACE] = [sum(column.nbytes for column in trace.columns.values()) / 1e3]
-    taken["a trace, above dropping the samples"] = differences(taken[_TRACE], taken[_DROPPED])
+    taken["the trace alone"] = differences(taken[_TRACE], taken[_DROPPED])
     return [
         Table(
             f"One flight of {SCENARIO}, {scenario.duration_s:g} s, {len(trace)} ticks, {len(trace.columns)} columns",
@@ -74,7 +73,7 @@ def _flying(result: Result, *, keep: bool) -> float:
     flight, scenario = assemble(result.plan), result.plan.scenario
     if keep:
         return _alone(lambda: into_trace(flight, scenario))
-    return _alone(lambda: deque(fly(flight), maxlen=0))
+    return _alone(lambda: rows_of(flight))
 
 
 def _alone(work: Callable[[], object]) -> float:
