@@ -30,7 +30,7 @@ def points_section(campaign: Campaign) -> list[Section]:
     rows: list[list[Cell]] = [[axis.key, axis_words(axis)] for axis in campaign.programme.axes]
     items: list[Table | Picture] = [Table("axes", "What is varied", ("key", "values"), rows)]
     if len(campaign.programme.points) > 1:
-        items += [*_maps(campaign), _points(campaign)]
+        items += [*_maps(campaign), points_table(campaign)]
     return [Section("Over the points", (), items)]
 
 
@@ -69,7 +69,8 @@ def criteria_words(criteria: Sequence[Criterion]) -> str:
     return "; ".join(told)
 
 
-def _points(campaign: Campaign) -> Table:
+def points_table(campaign: Campaign) -> Table:
+    """Return a row a point: how many departed and passed, medians of tracking and of what says most of each estimator."""
     keys = [axis.key for axis in campaign.programme.axes if not axis.is_drawn]
     judged, failed = campaign.passed is not None, bool(campaign.failed)
     tracked = _tracked(campaign)
@@ -89,7 +90,8 @@ def _points(campaign: Campaign) -> Table:
     note = "Shares with exact 95 % intervals. Medians over the flights, where there are 6 or more with intervals that hold them with 95 %."
     if len(campaign.programme.points) > _MOST:
         note += f" The first {_MOST} of {len(campaign.programme.points)} points; summary.json has all."
-    return Table("points", "Points", columns, rows, dict.fromkeys(columns, ".3g"), note)
+    formats = {**dict.fromkeys(columns, ".3g"), **dict.fromkeys(columns[len(columns) - len(estimates) :], ".2g")}
+    return Table("points", "Points", columns, rows, formats, note)
 
 
 def _tracked(campaign: Campaign) -> str:
