@@ -30,7 +30,7 @@ def points_section(campaign: Campaign) -> list[Section]:
     rows: list[list[Cell]] = [[axis.key, axis_words(axis)] for axis in campaign.programme.axes]
     items: list[Table | Picture] = [Table("axes", "What is varied", ("key", "values"), rows)]
     if len(campaign.programme.points) > 1:
-        items += [*_maps(campaign), points_table(campaign)]
+        items += [*_maps(campaign), points_table(campaign, campaign.estimators)]
     return [Section("Over the points", (), items)]
 
 
@@ -69,12 +69,12 @@ def criteria_words(criteria: Sequence[Criterion]) -> str:
     return "; ".join(told)
 
 
-def points_table(campaign: Campaign) -> Table:
-    """Return a row a point: how many departed and passed, medians of tracking and of what says most of each estimator."""
+def points_table(campaign: Campaign, estimators: Sequence[str]) -> Table:
+    """Return a row a point: how many departed and passed, medians of tracking and of what says most of each of these estimators."""
     keys = [axis.key for axis in campaign.programme.axes if not axis.is_drawn]
     judged, failed = campaign.passed is not None, bool(campaign.failed)
     tracked = _tracked(campaign)
-    estimates = [(name, column) for name in campaign.estimators if (column := _estimate(campaign, name))]
+    estimates = [(name, column) for name in estimators if (column := _estimate(campaign, name))]
     columns = [
         "point", *keys, "flights", *(["failed"] if failed else []), "departed, %", *(["passed, %"] if judged else []),
         "RMS of q - q_ref, deg/s", *(f"{name}: {_short(column)}" for name, column in estimates),
@@ -156,7 +156,7 @@ def _map(
     table: npt.NDArray[np.float64] = np.array(values).reshape(len(down), len(across))
     finite = table[np.isfinite(table)]
     low, high = limits or ((float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0))
-    with drawing.canvas(height=max(2.2, min(7.0, 0.32 * len(down) + 1.0))) as ((axis,), svg):
+    with drawing.canvas(height=max(2.8, min(7.0, 0.32 * len(down) + 1.0))) as ((axis,), svg):
         mesh = axis.pcolormesh(np.ma.masked_invalid(table), cmap="cividis", vmin=low, vmax=high or 1.0)
         axis.grid(visible=False)
         for set_ticks, shown in ((axis.set_xticks, across), (axis.set_yticks, down)):

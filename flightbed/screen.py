@@ -151,11 +151,11 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
     for paragraph in told.text:
         yield Padding(escape(paragraph), (0, 2))
     few = 1 < len(campaign.programme.points) <= _POINTS
-    for table in (*told.items, *([points_table(campaign)] if few else [])):
+    for table in (*told.items, *([points_table(campaign, estimators=())] if few else [])):
         if isinstance(table, Rows):
             grid = Table(box=None, header_style="dim", padding=(0, 1))
             for column in table.columns:
-                grid.add_column(escape(column), no_wrap=column == "estimator")
+                grid.add_column(escape(column), no_wrap=column == "estimator", overflow="fold")
             for row in table.rows:
                 medians = [cell.estimate if isinstance(cell, Interval) else cell for cell in row]
                 grid.add_row(*(escape(cell) for cell in table.shown(medians)))
