@@ -47,14 +47,16 @@ class Moments:
                 first, second = _padded(self.mean[name], length), _padded(other.mean[name], length)
                 # Where only one of them flies its numbers stay as they are.
                 change = np.where((a > 0) & (b > 0), second - first, 0.0)
-                mean[name] = np.where(a > 0, first + change * (b / flying), second)
+                both = np.where(first == second, first, first + change * (b / flying))  # infinite ones are equal, too
+                mean[name] = np.where(a > 0, both, second)
                 within = _padded(self.squares[name], length) + _padded(other.squares[name], length)
                 squares[name] = within + change**2 * (a * b / flying)
         return Moments(flying, mean, squares)
 
     def std(self, column: str) -> Vector:
-        """Return the standard deviation over the flights (n - 1 in the divisor); 0 where one flies."""
-        return np.asarray(np.sqrt(self.squares[column] / np.maximum(self.flying - 1, 1)))
+        """Return the standard deviation over the flights (n - 1 in the divisor); 0 where one flies, nan where the mean is infinite."""
+        std = np.sqrt(self.squares[column] / np.maximum(self.flying - 1, 1))
+        return np.where(np.isfinite(self.mean[column]), std, np.nan)
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Return all of it as arrays by name, for a file."""

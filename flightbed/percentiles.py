@@ -100,6 +100,8 @@ class Ensemble:
 def percentiles(flights: Sequence[npt.NDArray[np.floating[Any]]], length: int) -> Single:
     """Return, at every tick, percentiles over the flights that still fly, interpolated as ``numpy.percentile`` does.
 
+    But where a percentile is one of the values it is that, also if the next one is infinite.
+
     Args:
         flights: a history each, as long as it flew.
         length: ticks of the result; nan where nobody flies.
@@ -114,7 +116,16 @@ def percentiles(flights: Sequence[npt.NDArray[np.floating[Any]]], length: int) -
     for i, flight in enumerate(ordered):
         if len(flight) > begin:  # no flight ends in between
             table = np.array([other[begin : len(flight)] for other in ordered[i:]])
-            with np.errstate(invalid="ignore"):  # between infinite values lies no number
-                found[:, begin : len(flight)] = np.percentile(table, PERCENTILES, axis=0)
+            found[:, begin : len(flight)] = _interpolated(np.sort(table.astype(np.float64), axis=0))
             begin = len(flight)
     return found
+
+
+def _interpolated(ordered: Vector) -> Vector:
+    """Return the percentiles of every column; each has its values in order."""
+    ranks = np.array(PERCENTILES)[:, None] / 100.0 * (len(ordered) - 1)
+    below = np.floor(ranks).astype(np.int64)[:, 0]
+    low, high = ordered[below], ordered[np.ceil(ranks).astype(np.int64)[:, 0]]
+    with np.errstate(invalid="ignore", over="ignore"):  # between infinite values lies no number
+        between = low + (high - low) * (ranks - below[:, None])
+        return np.where(low == high, low, between)

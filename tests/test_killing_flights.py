@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -60,6 +61,7 @@ def deadly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
         yield make
 
 
+@cache
 def _expected() -> list[Row]:
     """The rows of flights that kill nobody, but for the victim's."""
     return list(campaigns.fly(load_scenario("elevator-loss", SHORT), RUNS).rows)
