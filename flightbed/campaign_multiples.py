@@ -17,6 +17,7 @@ from flightbed.programme import MOST_REMEMBERED, SHOWN, few, values_of
 from flightbed.settings import Scenario
 
 _ACROSS = 3  # small figures beside each other, if the grid has no width of its own
+_BUCKETS = 200  # stretches of time in each: 0.08 s of 16.5
 
 
 def left_out(campaign: Campaign, points: Sequence[int]) -> list[str]:
@@ -64,7 +65,7 @@ def _small(
         for axis, point in zip(axes, points, strict=False):
             ensemble, scenario = campaign.histories[point], scenarios[point]
             t = np.arange(len(ensemble.moments.flying)) / scenario.rates.control_hz
-            buckets = drawing.BUCKETS // across
+            buckets = _BUCKETS
             drawing.line(
                 axis, t, ensemble.moments.mean[aim], color=drawing.TRUTH if gain else drawing.REFERENCE, label=name, buckets=buckets
             )  # fmt: skip
@@ -77,7 +78,15 @@ def _small(
             stayed, runs = int(ensemble.moments.flying[-1]), int(ensemble.moments.flying[0])
             if stayed < runs or len(t) < scenario.ticks:
                 told = f"{stayed if len(t) == scenario.ticks else 0} of {runs} fly to the end"
-                axis.text(0.03, 0.05, told, transform=axis.transAxes, fontsize=7.0, color=drawing.FAILURE)
+                axis.text(
+                    0.03,
+                    0.05,
+                    told,
+                    transform=axis.transAxes,
+                    fontsize=7.0,
+                    color=drawing.FAILURE,
+                    backgroundcolor="#ffffffc0",
+                )
         axes[0].legend(loc="best", fontsize=6.5)
         for i, axis in enumerate(axes):
             axis.set_visible(i < len(points))

@@ -77,7 +77,7 @@ def points_table(campaign: Campaign, estimators: Sequence[str]) -> Table:
     estimates = [(name, column) for name in estimators if (column := _estimate(campaign, name))]
     columns = [
         "point", *keys, "flights", *(["failed"] if failed else []), "departed, %", *(["passed, %"] if judged else []),
-        "RMS of q - q_ref, deg/s", *(f"{name}: {_short(column)}" for name, column in estimates),
+        "tracking RMS, deg/s", *(f"{name}: {_short(column)}" for name, column in estimates),
     ]  # fmt: skip
     rows: list[list[Cell]] = []
     for number, (values, there) in enumerate(by_point(campaign)[:_MOST]):
@@ -87,7 +87,10 @@ def points_table(campaign: Campaign, estimators: Sequence[str]) -> Table:
         cells += [_percent(departed(there)), *([_percent(passed(there))] if judged else [])]
         cells += [_median(campaign, flown, column) for column in (tracked, *(column for _, column in estimates))]
         rows.append(cells)
-    note = "Shares with exact 95 % intervals. Medians over the flights, where there are 6 or more with intervals that hold them with 95 %."
+    note = (
+        "Shares with exact 95 % intervals. Medians over the flights, where there are 6 or more with intervals that hold them with 95 %; "
+        "tracking is that of q - q_ref."
+    )
     if len(campaign.programme.points) > _MOST:
         note += f" The first {_MOST} of {len(campaign.programme.points)} points; summary.json has all."
     formats = {**dict.fromkeys(columns, ".3g"), **dict.fromkeys(columns[len(columns) - len(estimates) :], ".2g")}

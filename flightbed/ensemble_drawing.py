@@ -36,8 +36,8 @@ def sample(ensemble: Ensemble) -> str:
 def draw(axis: Axes, t: Vector, ensemble: Ensemble, column: str, color: str, label: str, buckets: int) -> None:
     """Draw the median of a history, and the bands around it."""
     low, inner_low, middle, inner_high, high = edges(ensemble, column)
-    drawing.band(axis, t, low, high, color=color, alpha=0.2, buckets=buckets // 2)
-    drawing.band(axis, t, inner_low, inner_high, color=color, alpha=0.35, buckets=buckets // 2)
+    drawing.band(axis, t, low, high, color=color, alpha=0.2, buckets=min(buckets, drawing.BUCKETS // 2))
+    drawing.band(axis, t, inner_low, inner_high, color=color, alpha=0.35, buckets=min(buckets, drawing.BUCKETS // 2))
     drawing.line(axis, t, middle, color=color, label=label, buckets=buckets)
 
 

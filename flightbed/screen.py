@@ -155,7 +155,8 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
         if isinstance(table, Rows):
             grid = Table(box=None, header_style="dim", padding=(0, 1))
             for column in table.columns:
-                grid.add_column(escape(column), no_wrap=column == "estimator", overflow="fold")
+                words = max(map(len, column.split()))  # a heading is broken between them alone
+                grid.add_column(escape(column), no_wrap=column == "estimator", min_width=words)
             for row in table.rows:
                 medians = [cell.estimate if isinstance(cell, Interval) else cell for cell in row]
                 grid.add_row(*(escape(cell) for cell in table.shown(medians)))

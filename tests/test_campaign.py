@@ -273,6 +273,9 @@ def test_own_code_flies_in_workers_and_in_the_worst_flights_command(tmp_path: Pa
     again = json.loads(done.stdout)["worst"]["command"]
     assert again == f"flightbed run FOLDER/scenario.toml --set seed={seed} --use mine.py:make"
     assert again in (tmp_path / "c" / "report.html").read_text()
+    shown = flightbed(*(word for word in command if word != "--json"), cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert f"again: {again.replace('FOLDER', 'c')}\n" in shown.stdout
     refused = flightbed("campaign", "elevator-loss", "--runs", "2", *keys, cwd=tmp_path)
     assert refused.returncode == 2
     assert "add --use mine.py:make to allow it" in refused.stderr
