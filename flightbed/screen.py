@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from flightbed.document import Document
     from flightbed.mission import Result
 
+_POINTS = 20  # of a campaign, at most, that a terminal is told of
+
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[int, int], None]]:
@@ -141,17 +143,20 @@ def _number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
 
 def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType]:
     """Tell how the flights of a campaign went: how many departed, the medians, the worst, and where the rest is."""
-    from flightbed.campaign_report import lead
+    from flightbed.campaign_lead import lead
+    from flightbed.campaign_points import points_table
 
     told = lead(campaign)
     yield Text.from_markup(f"[bold]{campaign.programme.name}[/bold]: {escape(campaign.programme.description)}")
     for paragraph in told.text:
         yield Padding(escape(paragraph), (0, 2))
-    for table in told.items:
+    few = 1 < len(campaign.programme.points) <= _POINTS
+    for table in (*told.items, *([points_table(campaign, estimators=())] if few else [])):
         if isinstance(table, Rows):
             grid = Table(box=None, header_style="dim", padding=(0, 1))
             for column in table.columns:
-                grid.add_column(escape(column), no_wrap=column == "estimator")
+                words = max(map(len, column.split()))  # a heading is broken between them alone
+                grid.add_column(escape(column), no_wrap=column == "estimator", min_width=words)
             for row in table.rows:
                 medians = [cell.estimate if isinstance(cell, Interval) else cell for cell in row]
                 grid.add_row(*(escape(cell) for cell in table.shown(medians)))
