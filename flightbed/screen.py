@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -151,7 +152,7 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
     for paragraph in told.text:
         yield Padding(escape(paragraph), (0, 2))
     few = 1 < len(campaign.programme.points) <= _POINTS
-    for table in (*told.items, *([points_table(campaign, estimators=())] if few else [])):
+    for table in (*told.items, *([_without("flights", points_table(campaign, estimators=()))] if few else [])):
         if isinstance(table, Rows):
             grid = Table(box=None, header_style="dim", padding=(0, 1))
             for column in table.columns:
@@ -164,6 +165,12 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
     if campaign.worst is not None:
         yield f"  again: flightbed run {escape(str(written))}/scenario.toml{escape(campaign.override)}"
     yield f"  {len(campaign.rows)} flights in {campaign.wall_time_s:.1f} s; written to {escape(str(written))}"
+
+
+def _without(column: str, table: Rows) -> Rows:
+    """Return a table without a column."""
+    kept = [i for i, name in enumerate(table.columns) if name != column]
+    return replace(table, columns=[table.columns[i] for i in kept], rows=[[row[i] for i in kept] for row in table.rows])
 
 
 def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow.parquet as pq
 import pytest
+from rich.console import Console
 
 from flightbed import campaign as campaigns
 from flightbed import campaign_flights, percentiles
@@ -21,6 +23,7 @@ from flightbed.campaign_histories import Histories
 from flightbed.mission import run as fly_one
 from flightbed.percentiles import PERCENTILES, Ensemble, Part
 from flightbed.programme import Programme, few, scenario_of
+from flightbed.screen import campaign_lines
 from flightbed.settings import CampaignSettings
 
 Vector = npt.NDArray[np.float64]
@@ -258,3 +261,16 @@ def test_few_of_many() -> None:
     assert few(None, [0], 12) == [0]
     assert few(_settings(lengths=(8, 8)), [1, 5, 9], 2) == [1, 9]  # of chosen points no grid is known
     assert 0 < len(few(_settings(lengths=(5, 5, 5)), range(125), 12)) <= 12
+
+
+def test_a_terminal_tells_few_points_within_its_width(tmp_path: Path) -> None:
+    screen = Console(width=80, record=True, file=io.StringIO())
+    for line in campaign_lines(campaigns.fly(_grid(tmp_path, runs=2)), Path("x")):
+        screen.print(line, soft_wrap=isinstance(line, str))
+    shown = screen.export_text()
+    assert max(len(line) for line in shown.splitlines() if "again:" not in line) <= 80  # that one is to be copied
+    assert [line.split()[:3] for line in shown.splitlines() if line.split()[1:2] in (["0.2"], ["0.6"])] == [
+        ["0", "0.2", "0.7"], ["1", "0.2", "0.8"], ["2", "0.6", "0.7"], ["3", "0.6", "0.8"],
+    ]  # fmt: skip
+    for word in ("failures.0.to", "condition.mach", "departed,", "tracking"):
+        assert word in shown
