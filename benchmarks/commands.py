@@ -9,12 +9,14 @@ import argparse
 from typing import Any
 
 import numpy as np
+from measuring import likely
 
 from flightbed import registry
 from flightbed.command.base import Vector, energy, profile, relative_peak_factor
 from flightbed.command.multisine import flat_phases, one_period, schroeder_phases
 from flightbed.mission import run
-from flightbed.scenario import Command, load_scenario
+from flightbed.scenario import load_scenario
+from flightbed.settings import Command
 from flightbed.units import DEG
 
 HZ = 100
@@ -81,16 +83,9 @@ def table_of_dither(scenario: str, extra: list[str], seeds: int) -> None:
             entries = [f["first_within_20pct_s"] for f in found if f["first_within_20pct_s"] is not None]
             errors = [[f[key] for f in found] for key in ("median_abs_error_post", "rms_error_smoothed_post")]
             print(
-                f"| {label} | {name} | {_spread(errors[0], '.3f')} | {_spread(errors[1], '.3f')} | {_spread(entries, '.2f')} "
+                f"| {label} | {name} | {likely(errors[0], '.3f')} | {likely(errors[1], '.3f')} | {likely(entries, '.2f')} "
                 f"| {seeds - len(entries)} of {seeds} | {shaken:.3f} |"
             )
-
-
-def _spread(values: list[float], spec: str) -> str:
-    if not values:
-        return "-"
-    low, middle, high = np.percentile(values, [5, 50, 95])
-    return f"{middle:{spec}} ({low:{spec}} - {high:{spec}})"
 
 
 if __name__ == "__main__":

@@ -9,12 +9,12 @@ and one. They are timed in turn; medians and ranges over the rounds, ratios roun
 from __future__ import annotations
 
 import argparse
-import statistics
-import time
 from collections.abc import Callable
+from functools import partial
 
 import jsbsim
 import numpy as np
+from measuring import interleaved, ratios, seconds, spread
 
 from flightbed.aircraft import load_aircraft
 from flightbed.linearize import linearize
@@ -23,13 +23,6 @@ from flightbed.plant.base import Controls, Motion
 from flightbed.survey import Query, linearize_at
 from flightbed.trim import trim
 from flightbed.units import DEG
-
-
-def _timed(work: Callable[[], object], repeat: int) -> float:
-    began = time.perf_counter()
-    for _ in range(repeat):
-        work()
-    return (time.perf_counter() - began) / repeat * 1e3
 
 
 def main(rounds: int) -> None:
@@ -67,24 +60,15 @@ def main(rounds: int) -> None:
         "full model, checked step and kinks": (lambda: linearize(airframe, point), 20),
         "short period alone, central differences": (short_period_alone, 50),
     }
-    times: dict[str, list[float]] = {name: [] for name in ways}
-    for _ in range(rounds):
-        for name, (work, repeat) in ways.items():
-            times[name].append(_timed(work, repeat))
+    times = interleaved({name: partial(seconds, work, repeat) for name, (work, repeat) in ways.items()}, rounds)
     for name, values in times.items():
-        ratio = statistics.median(t / v for t, v in zip(times["FGLinearization"], values, strict=True))
-        print(
-            f"{name:43} {statistics.median(values):8.3f} ms ({min(values):.3f} to {max(values):.3f}), {ratio:6.0f} x faster"
-        )
-    began = time.perf_counter()
+        faster = spread(ratios(times["FGLinearization"], values), ".0f")
+        print(f"{name:43} {spread([1e3 * v for v in values], '.3f')} ms, {faster} x faster")
     sweep = [
-        linearize_at(f16, Query(altitude_ft=h, mach=m))
-        for h in range(5500, 35500, 3000)
-        for m in np.linspace(0.5, 0.95, 10)
+        Query(altitude_ft=h, mach=m) for h in range(5500, 35500, 3000) for m in np.linspace(0.5, 0.95, 10).tolist()
     ]
-    print(
-        f"{len(sweep)} conditions, each with its own FDM, trimmed and linearized: {time.perf_counter() - began:.2f} s"
-    )
+    taken = seconds(lambda: [linearize_at(f16, query) for query in sweep])
+    print(f"{len(sweep)} conditions, each with its own FDM, trimmed and linearized: {taken:.2f} s")
 
 
 if __name__ == "__main__":

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import argparse
 import gc
-import os
-import statistics
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
+
+from measuring import interleaved, machine, spread
 
 from flightbed.mission import run
 from flightbed.pacing import WallClock
@@ -51,28 +52,21 @@ def _fly(scenario: Scenario, spin_ns: int, busy: int) -> dict[str, Any]:
     return {**kept, "collections": len(collected)}
 
 
-def _spread(values: list[float], spec: str) -> str:
-    return f"{statistics.median(values):{spec}} ({min(values):{spec}} to {max(values):{spec}})"
-
-
 def measure(scenario: Scenario, rounds: int, spins_us: list[int]) -> None:
-    cases = [(spin, busy) for spin in spins_us for busy in (0, os.cpu_count() or 1)]
-    print(f"load average before: {os.getloadavg()[0]:.2f} on {os.cpu_count()} cores")
-    flown: dict[tuple[int, int], list[dict[str, Any]]] = {case: [] for case in cases}
-    for _ in range(rounds):
-        for spin, busy in cases:
-            flown[spin, busy].append(_fly(scenario, spin * 1000, busy))
+    cases = [(spin, busy) for spin in spins_us for busy in (0, machine()["cores"])]
+    print(f"load average before: {machine()['load_average']:.2f} on {machine()['cores']} cores")
+    flown = interleaved({case: partial(_fly, scenario, case[0] * 1000, case[1]) for case in cases}, rounds, warm=0)
     print(f"{scenario.name}, {scenario.ticks} ticks at {scenario.rates.control_hz} Hz; median and range of {rounds}")
     for (spin, busy), kept in flown.items():
         print(f"{f'{busy} busy processes' if busy else 'alone'}, spinning {spin} us")
-        print(f"  late ticks        {_spread([k['late_ticks'] for k in kept], '.0f')}")
-        print(f"  worst overrun, ms {_spread([k['worst_overrun_ms'] or 0.0 for k in kept], '.2f')}")
+        print(f"  late ticks        {spread([k['late_ticks'] for k in kept], '.0f')}")
+        print(f"  worst overrun, ms {spread([k['worst_overrun_ms'] or 0.0 for k in kept], '.2f')}")
         for key, name in (("jitter_ms", "jitter"), ("compute_ms", "compute")):
             for percentile in ("p50", "p95", "p99", "max"):
                 label = f"{name} {percentile}, ms"
-                print(f"  {label:<17} {_spread([k[key][percentile] for k in kept], '.4f')}")
-        print(f"  achieved, Hz      {_spread([k['achieved_hz'] for k in kept], '.4f')}")
-        print(f"  collections       {_spread([k['collections'] for k in kept], '.0f')}")
+                print(f"  {label:<17} {spread([k[key][percentile] for k in kept], '.4f')}")
+        print(f"  achieved, Hz      {spread([k['achieved_hz'] for k in kept], '.4f')}")
+        print(f"  collections       {spread([k['collections'] for k in kept], '.0f')}")
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import argparse
 from collections.abc import Callable
 
 import numpy as np
+from measuring import likely
 
 from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.mission import Result, run
@@ -30,21 +31,13 @@ FLIGHTS: dict[str, tuple[str, list[str]]] = {
 }
 
 
-def _spread(values: list[float | None], spec: str) -> str:
-    known = [v for v in values if v is not None]
-    if not known:
-        return "-"
-    low, middle, high = np.percentile(known, [5, 50, 95])
-    return f"{middle:{spec}} [{low:{spec}}, {high:{spec}}]"
-
-
 def _share(results: list[Result], inside: Callable[[Result, np.ndarray], np.ndarray]) -> str:
     """Share of the ticks from 0.3 s after the failure (from 0.3 s on without one) for which something holds."""
     shares: list[float | None] = []
     for result in results:
         since = result.trace["t_s"] >= (result.summary["failed_at_s"] or 0.0) + 0.3 - 1e-9
         shares.append(float(np.mean(inside(result, since))))
-    return _spread(shares, ".2f")
+    return likely(shares, ".2f")
 
 
 def _in_band(result: Result, since: np.ndarray) -> np.ndarray:
@@ -63,15 +56,15 @@ def _covered(result: Result, since: np.ndarray) -> np.ndarray:
 
 def main(seeds: int) -> None:
     """Print the table."""
-    print(f"{seeds} seeds, 0 to {seeds - 1}; estimator: the 30-sample window; median [5 %, 95 %]")
+    print(f"{seeds} seeds, 0 to {seeds - 1}; estimator: the 30-sample window; median (5 % - 95 %)")
     for label, (scenario, overrides) in FLIGHTS.items():
         results = [run(load_scenario(scenario, [*overrides, f"seed={seed}"])) for seed in range(seeds)]
 
         def column(get: Callable[[Metrics], float | None], spec: str, flown: list[Result] = results) -> str:
-            return _spread([get(r.metrics) for r in flown], spec)
+            return likely([get(r.metrics) for r in flown], spec)
 
         def window(get: Callable[[EstimatorMetrics], float | None], spec: str, flown: list[Result] = results) -> str:
-            return _spread([get(r.metrics.estimators["scheduled"]) for r in flown], spec)
+            return likely([get(r.metrics.estimators["scheduled"]) for r in flown], spec)
 
         print(f"\n{label}: departed {sum(r.metrics.departed for r in results)} / {seeds}")
         print(f"  departed at, s                  {column(lambda m: m.departed_at_s, '.2f')}")

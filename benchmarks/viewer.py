@@ -13,10 +13,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import deque
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from measuring import differences, interleaved, seconds, spread
 
 from flightbed import WallClock, load_scenario, run
 from flightbed.folder import shown
@@ -59,21 +62,21 @@ def recordings() -> None:
     with tempfile.TemporaryDirectory() as folder, viewer.headless() as client:
         for name, overrides in (("16.5 s", []), ("10 min", _LONG)):
             result, path = run(load_scenario("elevator-loss", overrides)), Path(folder) / f"{len(overrides)}.rrd"
-            write_recording(path, result.trace, shown(result))  # what the first one imports is not its cost
-            times = []
-            for _ in range(5):
-                began = time.perf_counter()
-                write_recording(path, result.trace, shown(result))
-                times.append(time.perf_counter() - began)
+            _record(result, path)  # what the first one imports is not its cost
+            times = [seconds(partial(_record, result, path)) for _ in range(5)]
             began = time.perf_counter()
             client.open(str(path))
             opened = time.perf_counter() - began
             client.take_screenshot(max_size=100)
             drawn = time.perf_counter() - began
             print(
-                f"{name}: {path.stat().st_size / 1e6:.2f} MB, written in {np.median(times):.3f} s ({min(times):.3f} to "
-                f"{max(times):.3f}, 5 times), opened in {opened:.2f} s, drawn after {drawn:.2f} s"
+                f"{name}: {path.stat().st_size / 1e6:.2f} MB, written in {spread(times, '.3f')} s, {len(times)} times, "
+                f"opened in {opened:.2f} s, drawn after {drawn:.2f} s"
             )
+
+
+def _record(result: Result, path: Path) -> None:
+    write_recording(path, result.trace, shown(result))
 
 
 def handing_over() -> None:
@@ -82,15 +85,13 @@ def handing_over() -> None:
 
     samples = list(fly(load_scenario("elevator-loss")))
     live = Live()  # not started: what is handed over waits in the queue
-    times: dict[str, list[float]] = {"plain": [], "watched": []}
-    for _ in range(15):
-        for name, source in (("plain", iter(samples)), ("watched", live.watched(iter(samples)))):
-            began = time.perf_counter()
-            for _sample in source:
-                pass
-            times[name].append((time.perf_counter() - began) / len(samples) * 1e6)
-    cost = np.array(times["watched"]) - np.array(times["plain"])
-    print(f"cost of a tick to the loop: {np.median(cost):.2f} us ({cost.min():.2f} to {cost.max():.2f}, 15 rounds)")
+    ways = {
+        "plain": lambda: seconds(lambda: deque(iter(samples), maxlen=0)),
+        "watched": lambda: seconds(lambda: deque(live.watched(iter(samples)), maxlen=0)),
+    }
+    times = interleaved(ways, 15)
+    cost = [1e6 * t / len(samples) for t in differences(times["watched"], times["plain"])]
+    print(f"cost of a tick to the loop: {spread(cost, '.2f')} us, {len(cost)} rounds")
 
 
 def _busy_ms(result: Result) -> np.ndarray:

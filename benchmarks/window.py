@@ -11,12 +11,12 @@ The three are timed in turn over the same record; medians and ranges over the ro
 
 from __future__ import annotations
 
-import statistics
-import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
+from measuring import interleaved, ratios, seconds, spread
 from numba import njit
 
 from flightbed.estimation import joint, kernels
@@ -79,23 +79,15 @@ def with_filterpy(ticks: int = 60) -> list[float]:
     return found
 
 
-def _timed(way: Callable[[], list[float]]) -> float:
-    began = time.perf_counter()
-    estimates = way()
-    return (time.perf_counter() - began) / len(estimates) * 1e6
+def _timed(way: Callable[[], list[float]], ticks: int) -> float:
+    return seconds(way) / ticks * 1e6
 
 
 if __name__ == "__main__":
     one, two, three = bank(), refilter(), with_filterpy()
     np.testing.assert_allclose(one[WINDOW:], two, rtol=0, atol=1e-10)
     np.testing.assert_allclose(two[: len(three)], three, rtol=0, atol=1e-10)
-    ways = {"bank": bank, "refilter": refilter, "filterpy": with_filterpy}
-    times: dict[str, list[float]] = {name: [] for name in ways}
-    for _ in range(ROUNDS):
-        for name, way in ways.items():
-            times[name].append(_timed(way))
+    ways = {"bank": (bank, one), "refilter": (refilter, two), "filterpy": (with_filterpy, three)}
+    times = interleaved({name: partial(_timed, way, len(found)) for name, (way, found) in ways.items()}, ROUNDS)
     for name, values in times.items():
-        ratio = statistics.median(v / b for v, b in zip(values, times["bank"], strict=True))
-        print(
-            f"{name:9} {statistics.median(values):9.2f} us ({min(values):.2f} to {max(values):.2f}), {ratio:7.1f} x the bank"
-        )
+        print(f"{name:9} {spread(values, '.2f')} us, {spread(ratios(values, times['bank']), '.1f')} x the bank")

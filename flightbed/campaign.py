@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
@@ -11,16 +11,17 @@ from functools import cached_property
 from pathlib import Path
 
 from flightbed.campaign_file import plain
-from flightbed.campaign_flights import CHUNK, Flown, chunk_of, fly_chunk
+from flightbed.campaign_flights import CHUNK, Chunk, Flown, chunk_of, fly_chunk, joined, killed, single_flights
+from flightbed.campaign_histories import Histories
 from flightbed.campaign_table import Quantity, Row, passes, quantities, quantity
 from flightbed.consistency import detectors, estimates
-from flightbed.engine import Engine, engine, results
+from flightbed.engine import Engine, Work, engine, results
 from flightbed.errors import FlightbedError, InputError
 from flightbed.extension import permits
-from flightbed.journal import Histories, Journal, journal
+from flightbed.journal import Journal, journal
 from flightbed.mission import Result
 from flightbed.mission import run as fly_one
-from flightbed.moments import Moments
+from flightbed.percentiles import Ensemble
 from flightbed.programme import Programme, scenario_of, versions
 from flightbed.settings import Scenario
 from flightbed.statistics import Interval, share
@@ -35,8 +36,8 @@ class Campaign:
     Attributes:
         programme: what was flown.
         rows: one a flight, in order of their indices: column -> value, None where there is none.
-        histories: mean and deviation of the columns ``campaign_flights.HISTORIES`` and ``<name>.effectiveness_smoothed``; None of
-            several points, and where nothing flew.
+        histories: point -> of the columns ``campaign_flights.HISTORIES`` and ``<name>.effectiveness_smoothed``; of the points that
+            keep them, and in which something flew.
         worst: the worst flight, flown again, whole; None where every flight raised.
         worst_index: its index.
         reason: why it is the worst, in words.
@@ -46,7 +47,7 @@ class Campaign:
 
     programme: Programme
     rows: Sequence[Row]
-    histories: Moments | None
+    histories: Mapping[int, Ensemble]
     worst: Result | None
     worst_index: int
     reason: str
@@ -96,11 +97,11 @@ class Campaign:
 
     def quantity(self, column: str) -> Quantity:
         """Return a column of the table as a quantity of the flights that did not raise."""
-        return quantity(self.flown, column, tests=detectors(self.scenario))
+        return quantity(self.flown, column, tests=detectors(self.scenario), seed=self.programme.seed)
 
     def quantities(self) -> list[Quantity]:
         """Return every metric that is a number and that some flight has."""
-        return quantities(self.flown, self.scenario)
+        return quantities(self.flown, self.scenario, self.programme.seed)
 
 
 def departed(rows: Sequence[Row]) -> Interval | None:
@@ -181,7 +182,8 @@ def fly(
     Args:
         flights: what to fly.
         runs: of a scenario how often.
-        executor: where, see ``ensemble.processes``; None flies here and now. The flights do not depend on it.
+        executor: where, see ``processes.Processes``; None flies here and now, and what kills the process ends everything. The flights
+            do not depend on it.
         progress: called with the numbers of flights that are done, and of all, whenever some are done.
 
     Raises:
@@ -190,13 +192,12 @@ def fly(
     """
     programme = plain(flights, runs) if isinstance(flights, Scenario) else flights
     began, parts, done = time.perf_counter(), dict[int, Flown](), 0
-    histories = Histories() if len(programme.points) == 1 else None
+    histories = Histories(programme)
     chunks = range(-(-len(programme) // CHUNK))
     for number, flown in _flown(programme, chunks, lambda: nullcontext(executor)):
         parts[number] = flown
         done += len(flown.rows)
-        if histories is not None:
-            histories.add(number, flown.moments)
+        histories.add(number, flown.parts)
         if progress is not None:
             progress(done, len(programme))
     return _campaign(programme, [row for n in sorted(parts) for row in parts[n].rows], histories, began)
@@ -206,7 +207,8 @@ def _flown(programme: Programme, chunks: Sequence[int], opened: Engine) -> Itera
     """Yield chunks as they are done. Raises InputError when a worker has other versions than we."""
     if not chunks:
         return
-    with closing(results((chunk_of(programme, n) for n in chunks), fly_chunk, opened)) as found:
+    work: Work[Chunk, Flown] = Work(fly_chunk, single_flights, joined, killed)
+    with closing(results((chunk_of(programme, n) for n in chunks), work, opened)) as found:
         for chunk, flown in found:
             for package, ours in versions().items():
                 if flown.versions[package] != ours:
@@ -247,12 +249,11 @@ def _judged(programme: Programme, rows: list[Row]) -> list[Row]:
     return rows
 
 
-def _campaign(programme: Programme, rows: list[Row], histories: Histories | None, began: float) -> Campaign:
+def _campaign(programme: Programme, rows: list[Row], histories: Histories, began: float) -> Campaign:
     rows = _judged(programme, rows)
     index, reason = worst_of(rows)
     worst = None if index < 0 else fly_one(scenario_of(programme.raw, programme.flight(index)))
-    merged = None if histories is None else histories.merged
-    return Campaign(programme, rows, merged, worst, index, reason, time.perf_counter() - began)
+    return Campaign(programme, rows, histories.ensembles, worst, index, reason, time.perf_counter() - began)
 
 
 def worst_of(rows: Sequence[Row]) -> tuple[int, str]:

@@ -94,6 +94,8 @@ def _programme(
     total = settings.runs * len(points)
     if unknown := [i for i in settings.traces.indices if i >= total]:
         found.append(f"{place}: traces.indices: must be below {total}, the number of flights (got {unknown[0]})")
+    if unknown := [p for p in settings.histories.points if p >= len(points)]:
+        found.append(f"{place}: histories.points: must be below {len(points)}, the number of points (got {unknown[0]})")
     models = [axis.values or () for axis in settings.axes if axis.key == "aircraft.model"]
     raw, fingerprints = _bound(raw, scenario, [str(v) for values in models for v in values])
     found += _point_problems(settings, raw, points, place, estimates(scenario))

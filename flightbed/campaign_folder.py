@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
+from flightbed.bootstrap import RESAMPLES
 from flightbed.campaign import Campaign, departed, passed
 from flightbed.campaign_table import Row, quantities, write_table
 from flightbed.consistency import estimates
 from flightbed.folder import to_json
+from flightbed.histories_file import write_histories
 from flightbed.journal import Journal
 from flightbed.mission import run as fly_one
+from flightbed.percentiles import SAMPLE
 from flightbed.programme import Programme, Values, scenario_of, versions
-from flightbed.settings import Scenario
 from flightbed.statistics import Interval
 
 
@@ -36,6 +39,7 @@ def finish(campaign: Campaign, book: Journal) -> None:
         put("campaign.toml", programme.settings.model_copy(update={"base": "scenario.toml"}).to_toml())
     put_table(campaign.rows, programme, book)
     put("report.html", render(campaign_report(campaign)))
+    _put_histories(campaign, book)
     _put_traces(campaign, book)
     put("summary.json", to_json(summary(campaign)))
     book.finish()
@@ -45,6 +49,12 @@ def put_table(rows: Sequence[Row], programme: Programme, book: Journal) -> None:
     """Write the table. Raises OutputError."""
     keys = [axis.key for axis in programme.axes]
     book.put("table.parquet", lambda path: write_table(rows, path, keys))
+
+
+def _put_histories(campaign: Campaign, book: Journal) -> None:
+    if campaign.histories:
+        control_hz = {point: campaign.programme.at(point).rates.control_hz for point in campaign.histories}
+        book.put("histories.parquet", lambda path: write_histories(campaign.histories, control_hz, path))
 
 
 def _put_traces(campaign: Campaign, book: Journal) -> None:
@@ -76,9 +86,11 @@ def summary(campaign: Campaign) -> dict[str, Any]:
         "flights": len(rows),
         "runs": programme.runs,
         **({"first_seed": campaign.scenario.seed} if programme.settings is None else {"seed": programme.settings.seed}),
-        **summary_of(rows, campaign.scenario),
+        **summary_of(rows, programme),
+        "bootstrap": {"resamples": RESAMPLES, **_resampled(campaign)},
+        "histories": {"points": sorted(campaign.histories), "percentiles_of_flights": SAMPLE},
         "points": [
-            {"point": number, "values": dict(values), "flights": len(there), **summary_of(there, campaign.scenario)}
+            {"point": number, "values": dict(values), "flights": len(there), **summary_of(there, programme)}
             for number, (values, there) in enumerate(by_point(campaign))
         ]
         if len(programme.points) > 1
@@ -107,11 +119,27 @@ def by_point(campaign: Campaign) -> list[tuple[Values, list[Row]]]:
     return [(values, list(campaign.rows[number * runs : (number + 1) * runs])) for number, values in points]
 
 
-def summary_of(rows: Sequence[Row], scenario: Scenario) -> Mapping[str, Any]:
+def _resampled(campaign: Campaign) -> dict[str, Any]:
+    """Return intervals by resampling of the mean and the percentiles of tracking, null where there are too few flights."""
+    found: dict[str, Any] = {}
+    for column in ("tracking_rms_pre_deg_s", "tracking_rms_post_deg_s"):
+        quantity = campaign.quantity(column)
+        if quantity.known:
+            ends = {f"p{percent}": quantity.resampled_percentile(percent) for percent in (5, 50, 95)}
+            found[column] = {
+                name: [end if isfinite(end) else None for end in (interval.low, interval.high)]
+                for name, interval in {"mean": quantity.mean, **ends}.items()
+                if interval is not None
+            }
+    return found
+
+
+def summary_of(rows: Sequence[Row], programme: Programme) -> Mapping[str, Any]:
     """Return what the summary says of some flights: how many raised, departed, passed; every number's median with its interval."""
     flown = [row for row in rows if row["error"] is None]
     ends = [row["ended"] for row in flown]
-    numbers = {q.column: q.to_dict() for q in quantities(flown, scenario)}
+    scenario = programme.scenario
+    numbers = {q.column: q.to_dict() for q in quantities(flown, scenario, programme.seed)}
     return {
         "errors": len(rows) - len(flown),
         "departed": _share(departed(rows), ends.count("departed")),

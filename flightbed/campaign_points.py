@@ -30,7 +30,7 @@ def points_section(campaign: Campaign) -> list[Section]:
     rows: list[list[Cell]] = [[axis.key, axis_words(axis)] for axis in campaign.programme.axes]
     items: list[Table | Picture] = [Table("axes", "What is varied", ("key", "values"), rows)]
     if len(campaign.programme.points) > 1:
-        items += [*_maps(campaign), _points(campaign)]
+        items += [*_maps(campaign), points_table(campaign, campaign.estimators)]
     return [Section("Over the points", (), items)]
 
 
@@ -69,14 +69,15 @@ def criteria_words(criteria: Sequence[Criterion]) -> str:
     return "; ".join(told)
 
 
-def _points(campaign: Campaign) -> Table:
+def points_table(campaign: Campaign, estimators: Sequence[str]) -> Table:
+    """Return a row a point: how many departed and passed, medians of tracking and of what says most of each of these estimators."""
     keys = [axis.key for axis in campaign.programme.axes if not axis.is_drawn]
     judged, failed = campaign.passed is not None, bool(campaign.failed)
     tracked = _tracked(campaign)
-    estimates = [(name, column) for name in campaign.estimators if (column := _estimate(campaign, name))]
+    estimates = [(name, column) for name in estimators if (column := _estimate(campaign, name))]
     columns = [
         "point", *keys, "flights", *(["failed"] if failed else []), "departed, %", *(["passed, %"] if judged else []),
-        "RMS of q - q_ref, deg/s", *(f"{name}: {_short(column)}" for name, column in estimates),
+        "tracking RMS, deg/s", *(f"{name}: {_short(column)}" for name, column in estimates),
     ]  # fmt: skip
     rows: list[list[Cell]] = []
     for number, (values, there) in enumerate(by_point(campaign)[:_MOST]):
@@ -86,10 +87,14 @@ def _points(campaign: Campaign) -> Table:
         cells += [_percent(departed(there)), *([_percent(passed(there))] if judged else [])]
         cells += [_median(campaign, flown, column) for column in (tracked, *(column for _, column in estimates))]
         rows.append(cells)
-    note = "Shares with exact 95 % intervals. Medians over the flights, where there are 6 or more with intervals that hold them with 95 %."
+    note = (
+        "Shares with exact 95 % intervals. Medians over the flights, where there are 6 or more with intervals that hold them with 95 %; "
+        "tracking is that of q - q_ref."
+    )
     if len(campaign.programme.points) > _MOST:
         note += f" The first {_MOST} of {len(campaign.programme.points)} points; summary.json has all."
-    return Table("points", "Points", columns, rows, dict.fromkeys(columns, ".3g"), note)
+    formats = {**dict.fromkeys(columns, ".3g"), **dict.fromkeys(columns[len(columns) - len(estimates) :], ".2g")}
+    return Table("points", "Points", columns, rows, formats, note)
 
 
 def _tracked(campaign: Campaign) -> str:
@@ -154,7 +159,7 @@ def _map(
     table: npt.NDArray[np.float64] = np.array(values).reshape(len(down), len(across))
     finite = table[np.isfinite(table)]
     low, high = limits or ((float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0))
-    with drawing.canvas(height=max(2.2, min(7.0, 0.32 * len(down) + 1.0))) as ((axis,), svg):
+    with drawing.canvas(height=max(2.8, min(7.0, 0.32 * len(down) + 1.0))) as ((axis,), svg):
         mesh = axis.pcolormesh(np.ma.masked_invalid(table), cmap="cividis", vmin=low, vmax=high or 1.0)
         axis.grid(visible=False)
         for set_ticks, shown in ((axis.set_xticks, across), (axis.set_yticks, down)):

@@ -1,34 +1,28 @@
-"""Campaign -> its report: how many departed, its points, distributions, mean and one-sigma histories, medians, the worst flight."""
+"""Campaign -> its report: how many departed, its points, distributions, histories, medians, the worst flight."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from flightbed import drawing, palette
+from flightbed.bootstrap import FEWEST, FEWEST_OF_PERCENTILE, RESAMPLES
 from flightbed.campaign import Campaign
-from flightbed.campaign_points import axis_words, criteria_words, points_section, value_words
-from flightbed.campaign_table import Quantity
-from flightbed.card import FOLLOWED, correction, flown, outcome
-from flightbed.document import Cell, Document, Listing, Picture, Section, Table, show
-from flightbed.event_log import failures, gusts
+from flightbed.campaign_ensembles import histories_sections
+from flightbed.campaign_lead import lead, often, tracking, which
+from flightbed.campaign_points import points_section
+from flightbed.card import FOLLOWED, flown, outcome
+from flightbed.document import Cell, Document, Listing, Picture, Section, Table
 from flightbed.extension import at_hand, permits
-from flightbed.figures import MARGIN, mark_changes, pictures
-from flightbed.moments import Moments
+from flightbed.figures import pictures
 from flightbed.naming import numbered
+from flightbed.percentiles import PERCENTILES
 from flightbed.programme import versions
 from flightbed.report import ESTIMATOR_METRICS, again
 from flightbed.statistics import Interval
-from flightbed.trace import true_share
 from flightbed.units import unit_of
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Vector = npt.NDArray[np.float64]
 Line = tuple[str, str, list[float]]  # name, colour, values
 
 _BINS = 30
@@ -72,12 +66,12 @@ def campaign_report(campaign: Campaign) -> Document:
     if worst is not None:
         sections += [
             Section("How the flights differ", (), _distributions(campaign)),
-            *(
-                [Section("Mean and one sigma", (), _histories(campaign, campaign.histories))]
-                if campaign.histories
-                else []
+            *histories_sections(campaign),
+            Section(
+                "Medians and means",
+                (),
+                [*([_tracked(campaign)] if tracking(campaign).known else []), *_medians(campaign)],
             ),
-            Section("Medians", (), _medians(campaign)),
             _worst(campaign),
             again(scenario.to_toml(), campaign.override, worst.summary["versions"], at_hand(worst.summary)),
         ]
@@ -113,107 +107,56 @@ def _failures(campaign: Campaign) -> Section:
     return Section("Flights that failed", (text,), [Table("errors", "Errors", ("flights", "indices", "error"), rows)])
 
 
-def tracking(campaign: Campaign) -> Quantity:
-    """Return the tracking that counts: after the failure, or of the whole flights where nothing fails."""
-    after = campaign.quantity("tracking_rms_post_deg_s")
-    return after if after.known else campaign.quantity("tracking_rms_pre_deg_s")
-
-
-def headline(campaign: Campaign) -> str:
-    """Return in a few sentences how many flew, departed and passed, and how well they tracked."""
-    departed, passed, settings = campaign.departed, campaign.passed, campaign.programme.settings
-    failed = (
-        f"{len(campaign.failed)} of {len(campaign.rows)} flights failed: {campaign.failed[0]['error']}."
-        if campaign.failed
-        else ""
-    )
-    if departed is None:
-        return failed
-    chosen = tracking(campaign)
-    told = [f"{_share(departed, 'flights departed')}."]
-    if passed is not None and settings is not None:
-        told.append(f"{_share(passed, 'passed')}; to pass: {criteria_words(settings.criteria)}.")
-    if chosen.known:
-        after = "" if chosen.column.endswith("pre_deg_s") else " from 0.3 s after the failure"
-        told.append(f"Median RMS of q - q_ref{after}: {_interval(chosen, '.3g')} deg/s.")
-    return " ".join([*told, *([failed] if failed else [])])
-
-
-def _share(share: Interval, what: str) -> str:
-    count = round(share.estimate * share.runs)
-    return f"{count} of {share.runs} {what}: {share.estimate:.1%} (95 % interval {share.low:.1%} to {share.high:.1%})"
-
-
-def _interval(quantity: Quantity, spec: str) -> str:
-    middle = quantity.median
-    if not np.isfinite([middle.low, middle.high]).all():
-        return f"{show(middle.estimate, spec)} (too few flights for an interval)"
-    return f"{show(middle.estimate, spec)} (95 % interval {middle.low:{spec}} to {middle.high:{spec}})"
-
-
-def lead(campaign: Campaign) -> Section:
-    """Return what a reader should know after ten seconds."""
-    scenario = campaign.scenario
-    happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "nothing fails"
-    varied = "; ".join(f"{axis.key}: {axis_words(axis)}" for axis in campaign.programme.axes)
-    text = [
-        headline(campaign),
-        *([f"Varied: {varied}. Of the base scenario:"] if varied else []),
-        f"{happened[0].upper()}{happened[1:]}. The {scenario.control.law} law is {correction(scenario)}. "
-        f"Worst flight: {_which(campaign)}{campaign.reason}.",
-    ]
-    keys = ("median_abs_error_post", "first_within_20pct_s", "detected_at_s", "nis_mean", "nees_mean_post")
-    columns = (
-        "estimator",
-        "median |K-hat - K|",
-        "within 20 % after, s",
-        "alarm after, s",
-        "mean NIS (if right)",
-        "NEES (1 is right)",
-    )
-    rows: list[list[Cell]] = []
-    for name in campaign.estimators:
-        quantities = [campaign.quantity(f"{name}.{key}") for key in keys]
-        rows.append([name, *(_often(q) for q in quantities)])
-    note = "Medians over the flights, with 95 % interval."
-    return Section("", text, [Table("key", "", columns, rows, dict.fromkeys(columns, ".3g"), note)] if rows else ())
-
-
-def _which(campaign: Campaign) -> str:
-    if campaign.worst is None:
-        return ""
-    flight = campaign.programme.flight(campaign.worst_index)
-    values = "".join(f"{key} = {value_words(value)}, " for key, value in flight.values.items())
-    return f"{f'number {flight.index}, ' if values else ''}{values}seed {flight.seed}, "
-
-
-def _often(quantity: Quantity) -> Cell:
-    """Return the median of a quantity for a table: never where it never happened, none where it cannot be said."""
-    if not quantity.known:
-        return None
-    return "never" if quantity.never == len(quantity.known) else quantity.median
-
-
 def _medians(campaign: Campaign) -> list[Table]:
-    columns = ("metric", "unit", "median (95 % interval)", "5 %", "95 %", "flights", "never in", "meaning")
+    columns = ("metric", "unit", "median (95 % interval)", "mean (95 % interval)", "5 %", "95 %", "flights", "never in")
     note = (
-        "The interval holds the median with at least 95 % whatever the distribution; fewer than 6 flights leave it open. What never "
-        "happened counts as infinite in it, and is left out of the range from 5 to 95 %."
+        "The median's interval holds it with at least 95 % whatever the distribution; fewer than 6 flights leave it open. What never "
+        "happened counts as infinite in it, and is left out of the range from 5 to 95 %; there is no mean then. The mean's interval "
+        f"is bootstrapped (BCa, {RESAMPLES} resamples from the campaign's seed), from {FEWEST} flights on."
     )
-    tables = []
+    tables, told = [], campaign.quantities()
     for owner in ("", *campaign.estimators):
         rows: list[list[Cell]] = []
-        for q in campaign.quantities():
+        for q in told:
             name, _, key = q.column.rpartition(".")
             if name == owner:
                 around = (q.spread.low, q.spread.high)
-                rows.append([key, unit_of(key), _often(q), *around, len(q.known), q.never or None, _MEANINGS[key]])
+                rows.append([key, unit_of(key), often(q), _closed(q.mean), *around, len(q.known), q.never or None])
         title = f"Estimator '{owner}'" if owner else "The flights"
-        key = f"medians-{owner}" if owner else "medians"
-        tables.append(
-            Table(key, title, columns, rows, dict.fromkeys(columns, ".3g" if owner else ".4g"), "" if owner else note)
-        )
+        key, spec = (f"medians-{owner}", ".3g") if owner else ("medians", ".4g")
+        tables.append(Table(key, title, columns, rows, dict.fromkeys(columns, spec), "" if owner else note))
+    known = dict.fromkeys(q.column.rpartition(".")[2] for q in told)
+    tables.append(Table("meanings", "What they are", ("metric", "meaning"), [[key, _MEANINGS[key]] for key in known]))
     return tables
+
+
+def _closed(interval: Interval | None) -> Cell:
+    """Return an interval for a table; its estimate alone where it is open."""
+    if interval is None or np.isfinite([interval.low, interval.high]).all():
+        return interval
+    return interval.estimate
+
+
+def _tracked(campaign: Campaign) -> Table:
+    """Return mean and percentiles of tracking with exact intervals, as far as there are any, and bootstrapped ones."""
+    chosen = tracking(campaign)
+    rows: list[list[Cell]] = [["mean", None if chosen.mean is None else chosen.mean.estimate, None, _ends(chosen.mean)]]
+    for percent in PERCENTILES:
+        exact = chosen.percentile(percent)
+        rows.append([f"{percent} %", exact.estimate, _ends(exact), _ends(chosen.resampled_percentile(percent))])
+    columns = ("RMS of q - q_ref, deg/s", "estimate", "exact 95 % interval", "bootstrapped 95 % interval")
+    note = (
+        f"Exact: between order statistics, whatever the distribution; of the mean there is none. Bootstrapped from {RESAMPLES} resamples: "
+        f"the mean BCa, from {FEWEST} flights on; percentiles by the percentile method, from {FEWEST_OF_PERCENTILE} on; at 5 and 95 % "
+        "these hold what they should too seldom, of 100 flights in about 86 % of campaigns."
+    )
+    return Table("tracked", "Tracking", columns, rows, dict.fromkeys(columns, ".4g"), note)
+
+
+def _ends(interval: Interval | None) -> str:
+    if interval is None or not np.isfinite([interval.low, interval.high]).all():
+        return "too few flights"
+    return f"{interval.low:.4g} to {interval.high:.4g}"
 
 
 def _colors(campaign: Campaign) -> dict[str, str]:
@@ -282,74 +225,11 @@ def _edges(low: float, high: float, tick_s: float | None) -> list[float]:
     return [(first - 0.5 + each * i) * tick_s for i in range((last - first) // each + 2)]
 
 
-def _histories(campaign: Campaign, histories: Moments) -> list[Picture]:
-    scenario, flying = campaign.scenario, histories.flying
-    flights = int(flying[0])
-    t = np.arange(len(flying)) / scenario.rates.control_hz
-    alone = drawing.ACTUAL
-
-    def band(axis: Axes, column: str, color: str, label: str) -> tuple[Vector, Vector]:
-        mean, std = histories.mean[column], histories.std(column)
-        drawing.band(axis, t, mean - std, mean + std, color=color, alpha=0.25)
-        drawing.line(axis, t, mean, color=color, label=label)
-        return mean, std
-
-    def motion(axes: list[Axes]) -> str:
-        drawing.line(axes[0], t, histories.mean["q_ref_deg_s"], color=drawing.REFERENCE, label="reference")
-        words = []
-        for axis, column, label in zip(
-            axes, ("q_deg_s", "alpha_deg", "elevator_deg"), ("pitch rate, deg/s", "angle of attack, deg", "elevator, deg"), strict=False
-        ):  # fmt: skip
-            _, std = band(axis, column, alone, "mean, +-1 sigma")
-            axis.set_ylabel(label)
-            finite = np.where(np.isfinite(std), std, 0.0)
-            words.append(f"{label.partition(',')[0]}: sigma up to {finite.max():.3g}, at {t[finite.argmax()]:.2f} s")
-        if len(axes) > 3:
-            drawing.line(axes[3], t, flying.astype(np.float64), color=drawing.OTHER)
-            axes[3].set_ylim(0.0, 1.05 * flights)
-            axes[3].set_ylabel("still flying")
-            words.append(f"{flying[-1]} of {flights} fly at {t[-1]:.2f} s")
-        return "; ".join(words) + "."
-
-    def gain(axes: list[Axes]) -> str:
-        words = []
-        for axis, (name, color) in zip(axes, _colors(campaign).items(), strict=True):
-            truth = histories.mean[true_share(name)]
-            drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.2, label="truth")
-            mean, std = band(axis, f"{name}.effectiveness_smoothed", color, f"smoothed K of '{name}', mean, +-1 sigma")
-            axis.set_ylim(-0.08, max(1.25, min(3.0, float(np.nanmax(mean[t > 0.3], initial=0.0)) + 0.1)))
-            axis.set_ylabel("K")
-            words.append(f"'{name}' ends at {mean[-1]:.3f} +- {std[-1]:.2g} (truth {truth[-1]:.3f}).")
-        return " ".join(words)
-
-    early = flying[-1] < flights or len(t) < scenario.ticks
-    figures: list[tuple[str, str, int, Callable[[list[Axes]], str]]] = [
-        ("motion", "Motion and elevator", 3 + early, motion)
-    ]
-    if campaign.estimators:
-        figures.append(("gain", "Smoothed K", len(campaign.estimators), gain))
-    text = "Mean over the flights that still fly, and one standard deviation to either side."
-    return [_history(campaign, key, title, rows, draw, text, float(t[-1])) for key, title, rows, draw in figures]
-
-
-def _history(
-    campaign: Campaign, key: str, title: str, rows: int, draw: Callable[[list[Axes]], str], text: str, end_s: float
-) -> Picture:
-    with drawing.canvas(rows, height=1.8, margin=MARGIN) as (axes, svg):
-        facts = draw(axes)
-        for axis in axes:
-            mark_changes(axis, campaign.scenario, end_s, name=axis is axes[0])
-            axis.set_xlim(0.0, max(end_s, 1e-3))
-            drawing.legend(axis)
-        axes[-1].set_xlabel("time, s")
-        return Picture(key, title, drawing.distinct(svg(), key), text, facts)
-
-
 def _worst(campaign: Campaign) -> Section:
     worst = campaign.worst
     assert worst is not None
     stayed = f"; {outcome(worst.summary)}" if worst.summary["ended"] == "time" else ""
-    which = _which(campaign)
-    text = f"{which[0].upper()}{which[1:-2]}: {campaign.reason}{stayed}."
+    named = which(campaign)
+    text = f"{named[0].upper()}{named[1:-2]}: {campaign.reason}{stayed}."
     listing = Listing("It flies again, with a report of its own, by", campaign.again)
     return Section("The worst flight", (text,), [listing, *pictures(worst, ("pitch-rate", "effectiveness"))])

@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from pathlib import Path
 from types import MappingProxyType
 
+from flightbed.bootstrap import mean_interval, percentile_interval
 from flightbed.consistency import detectors, estimates
 from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.programme import Flight
 from flightbed.settings import Criterion, Scenario
-from flightbed.statistics import Interval, Spread, median_interval, spread
+from flightbed.statistics import Interval, Spread, median_interval, quantile_interval, spread
 from flightbed.units import unit_of
 
 Value = int | float | bool | str | None
@@ -44,11 +45,13 @@ class Quantity:
     Attributes:
         column: its name in the table.
         values: one a flight; infinite where it never happened, None where it cannot be said.
+        seed: the campaign's, from which intervals by resampling come.
 
     """
 
     column: str
     values: tuple[float | None, ...]
+    seed: int = 0
 
     @property
     def known(self) -> list[float]:
@@ -70,13 +73,42 @@ class Quantity:
         """Median and 5-95 % range over the flights in which it happened."""
         return spread(self.known)
 
+    @property
+    def _happened(self) -> list[float]:
+        return [v for v in self.known if isfinite(v)]
+
+    def percentile(self, percent: float) -> Interval:
+        """Return a percentile over the flights in which it happened, with its exact distribution-free 95 % interval."""
+        happened = self._happened
+        return quantile_interval(happened, percent / 100.0) if happened else Interval(nan, -inf, inf, 0)
+
+    @property
+    def mean(self) -> Interval | None:
+        """Mean, with its 95 % interval by resampling; None where in some flight it never happened, for then there is none."""
+        return None if self.never or not self.known else mean_interval(self.known, self.seed, self.column)
+
+    def resampled_percentile(self, percent: float) -> Interval:
+        """Return the same percentile with a 95 % interval by resampling; of what happened in one flight at least."""
+        return percentile_interval(self._happened, percent, self.seed, self.column)
+
     def to_dict(self) -> dict[str, float | int | None]:
-        """Return plain values, ready for JSON: null for what is infinite."""
-        middle, around = self.median, self.spread
-        names = ("median", "low", "high", "p5", "p95")
-        numbers = (middle.estimate, middle.low, middle.high, around.low, around.high)
-        plain = {name: value if isfinite(value) else None for name, value in zip(names, numbers, strict=True)}
-        return {**plain, "flights": middle.runs, "never": self.never}
+        """Return plain values, ready for JSON: null for what is infinite, or cannot be said."""
+        middle, low, high, mean = self.median, self.percentile(5), self.percentile(95), self.mean
+        found = {
+            "median": middle.estimate,
+            "low": middle.low,
+            "high": middle.high,
+            "p5": low.estimate,
+            "p5_low": low.low,
+            "p5_high": low.high,
+            "p95": high.estimate,
+            "p95_low": high.low,
+            "p95_high": high.high,
+            **({} if mean is None else {"mean": mean.estimate, "mean_low": mean.low, "mean_high": mean.high}),
+        }
+        plain = {name: value if isfinite(value) else None for name, value in found.items()}
+        none = dict.fromkeys(("mean", "mean_low", "mean_high")) if mean is None else {}
+        return {**plain, **none, "flights": middle.runs, "never": self.never}
 
 
 def metric_columns(scenario: Scenario) -> list[str]:
@@ -142,7 +174,7 @@ def _keeps(value: Value, criterion: Criterion) -> bool:
     return not isinstance(value, str) and low <= value <= high
 
 
-def quantity(table: Sequence[Row], column: str, *, tests: Collection[str]) -> Quantity:
+def quantity(table: Sequence[Row], column: str, *, tests: Collection[str], seed: int = 0) -> Quantity:
     """Return a column of numbers as a quantity; what did not happen to an estimator after a failure never happened.
 
     An alarm can happen to the estimators ``tests`` alone, and to those that raise one anyhow.
@@ -156,14 +188,14 @@ def quantity(table: Sequence[Row], column: str, *, tests: Collection[str]) -> Qu
         value = row[column]
         never = inf if happens and row["estimators_since_s"] is not None else None
         values.append(never if value is None else float(value))
-    return Quantity(column, tuple(values))
+    return Quantity(column, tuple(values), seed)
 
 
-def quantities(table: Sequence[Row], scenario: Scenario) -> list[Quantity]:
+def quantities(table: Sequence[Row], scenario: Scenario, seed: int) -> list[Quantity]:
     """Return every metric that is a number, and that some flight has."""
     tests = detectors(scenario)
     columns = [column for column in metric_columns(scenario) if column not in _NO_QUANTITIES]
-    return [q for q in (quantity(table, column, tests=tests) for column in columns) if q.known]
+    return [q for q in (quantity(table, column, tests=tests, seed=seed) for column in columns) if q.known]
 
 
 def write_table(table: Sequence[Row], path: Path, keys: Sequence[str] = ()) -> None:

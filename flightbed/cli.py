@@ -320,18 +320,21 @@ def campaign(
     from flightbed.extension import check_named, using
     from flightbed.screen import campaign_lines, progress_bar
 
-    with using(*(use or ())), progress_bar() as progress:
-        programme = load_programme(file, set_ or (), runs)
-        check_named(programme.scenario, use or ())
-        place = out if out is not None else Path("campaigns") / programme.name
-        flown, written = campaigns.run(
-            programme, place, workers=workers, scheduler=scheduler, replace=out is not None, resume=resume, progress=progress,
-        )  # fmt: skip
-    if json:
-        told = json_module.loads((written / "summary.json").read_text(encoding="utf-8"))
-        print(json_module.dumps({**told, "folder": str(written)}, indent=2))
-    else:
-        _print(campaign_lines(flown, written) if flown is not None else [f"nothing is missing; finished in {written}"])
+    with using(*(use or ())):
+        with progress_bar() as progress:
+            programme = load_programme(file, set_ or (), runs)
+            check_named(programme.scenario, use or ())
+            place = out if out is not None else Path("campaigns") / programme.name
+            flown, written = campaigns.run(
+                programme, place, workers=workers, scheduler=scheduler, replace=out is not None, resume=resume, progress=progress,
+            )  # fmt: skip
+        if json:
+            told = json_module.loads((written / "summary.json").read_text(encoding="utf-8"))
+            print(json_module.dumps({**told, "folder": str(written)}, indent=2))
+        else:
+            _print(
+                campaign_lines(flown, written) if flown is not None else [f"nothing is missing; finished in {written}"]
+            )
 
 
 @app.command

@@ -38,12 +38,13 @@ _PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # a hun
 
 @contextmanager
 def canvas(
-    rows: int = 1, *, height: float = 2.6, share_x: bool = True, margin: float | None = None
+    rows: int = 1, columns: int = 1, *, height: float = 2.6, share_x: bool = True, margin: float | None = None
 ) -> Iterator[tuple[list[Axes], Callable[[], str]]]:
-    """Give the axes of a figure, one below the other, and a function that returns it as SVG.
+    """Give the axes of a figure, row by row, and a function that returns it as SVG.
 
     Args:
-        rows: how many axes.
+        rows: how many axes below each other.
+        columns: how many beside each other; they share the y axis.
         height: of each, inches; the figure is 8 inches wide.
         share_x: whether they share the x axis.
         margin: what is left free for labels on the left, inches: the axes of several figures then lie below each other, and are
@@ -57,7 +58,7 @@ def canvas(
     with mpl.rc_context({**_RC, "figure.constrained_layout.use": margin is None}):
         figure = Figure(figsize=(_WIDTH, height * rows))
         FigureCanvasSVG(figure)
-        axes = figure.subplots(rows, 1, sharex=share_x, squeeze=False)[:, 0].tolist()
+        axes = figure.subplots(rows, columns, sharex=share_x, sharey=columns > 1, squeeze=False).ravel().tolist()
         if margin is not None:
             _fix(figure, rows, margin)
 
@@ -75,7 +76,12 @@ def _fix(figure: Figure, rows: int, margin: float) -> None:
     above, below, between, height = 0.27, 0.43, 0.27, float(figure.get_figheight())
     each = (height - above - below - between * (rows - 1)) / rows
     figure.subplots_adjust(
-        left=margin / _WIDTH, right=0.99, bottom=below / height, top=1.0 - above / height, hspace=between / each
+        left=margin / _WIDTH,
+        right=0.99,
+        bottom=below / height,
+        top=1.0 - above / height,
+        hspace=between / each,
+        wspace=0.06,
     )
 
 
@@ -122,14 +128,14 @@ def envelope(t: Vector, low: Vector, high: Vector, buckets: int = BUCKETS) -> tu
     return t[starts], np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
 
 
-def line(axes: Axes, t: Vector, values: Vector, **style: Any) -> None:
+def line(axes: Axes, t: Vector, values: Vector, *, buckets: int = BUCKETS, **style: Any) -> None:
     """Draw a history, as much of it as can be seen."""
-    axes.plot(*thin(t, values), **style)
+    axes.plot(*thin(t, values, buckets), **style)
 
 
-def band(axes: Axes, t: Vector, low: Vector, high: Vector, **style: Any) -> None:
+def band(axes: Axes, t: Vector, low: Vector, high: Vector, *, buckets: int = BUCKETS // 2, **style: Any) -> None:
     """Fill between two histories, as much as can be seen."""
-    axes.fill_between(*envelope(t, low, high, BUCKETS // 2), linewidth=0.0, **style)
+    axes.fill_between(*envelope(t, low, high, buckets), linewidth=0.0, **style)
 
 
 def legend(axes: Axes) -> None:

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import os
-import signal
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from multiprocessing import get_context, parent_process
-from multiprocessing.connection import wait
-from threading import Thread
 from typing import TypeVar
 
 import numpy as np
@@ -19,14 +15,14 @@ import numpy.typing as npt
 from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.metrics import Metrics
 from flightbed.mission import Plan, fly_plan, plan
+from flightbed.moments import Moments, total
+from flightbed.processes import apart
 from flightbed.scenario import Scenario
 
 Vector = npt.NDArray[np.float64]
 Progress = Callable[[int], None]
 T = TypeVar("T")
 R = TypeVar("R")
-
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 CHUNK = 25  # flights of one plan that a worker does at a time
 
@@ -137,45 +133,13 @@ def _fly_one(planned: Plan, seed: int, columns: tuple[str, ...]) -> Flown:
 
 @contextmanager
 def processes(workers: int | None = None) -> Iterator[Executor | None]:
-    """Give an executor of so many fresh local processes, all cores if None; one worker is none: fly here.
-
-    A worker's linear algebra has one thread, unless the environment says otherwise: the matrices are small, and threads that wait for
-    more of them by spinning made two workers slower than one.
-    """
+    """Give an executor of so many fresh local processes, all cores if None; one worker is none: fly here."""
     count = workers or os.cpu_count() or 1
     if count == 1:
         yield None
         return
-    with (
-        _environment(dict.fromkeys(_THREADS, "1")),  # read when a worker starts, at the latest with the first chunks
-        ProcessPoolExecutor(count, get_context("spawn"), initializer=_begin) as executor,
-    ):
+    with apart(count) as executor:
         yield executor
-
-
-def _begin() -> None:
-    """Prepare a worker: an interrupt is the parent's to handle, which cancels what has not begun; a killed parent ends it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    if parent is not None:
-        Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-
-
-def _end_with(sentinel: int) -> None:
-    wait([sentinel])
-    os._exit(1)  # nobody is there to hear of it, and the queue that the worker waits at would never end
-
-
-@contextmanager
-def _environment(defaults: Mapping[str, str]) -> Iterator[None]:
-    """Set variables that are not set, for as long as it lasts."""
-    added = {name: value for name, value in defaults.items() if name not in os.environ}
-    os.environ.update(added)
-    try:
-        yield
-    finally:
-        for name in added:
-            os.environ.pop(name, None)
 
 
 def histories(flights: Sequence[Flown], column: str) -> tuple[Vector, Vector, npt.NDArray[np.int64]]:
@@ -183,13 +147,5 @@ def histories(flights: Sequence[Flown], column: str) -> tuple[Vector, Vector, np
 
     The standard deviation is that of the flights (n - 1 in the divisor); 0 where one flies, nan where the mean is infinite.
     """
-    values = [flown.columns[column] for flown in flights]
-    lengths = np.array([len(v) for v in values])
-    aloft = np.arange(lengths.max()) < lengths[:, None]
-    table = np.zeros(aloft.shape)
-    table[aloft] = np.concatenate(values)
-    flying = np.sum(aloft, axis=0)
-    mean = np.sum(table, axis=0) / flying
-    with np.errstate(invalid="ignore"):
-        variance = np.sum((table - mean) ** 2, axis=0, where=aloft) / np.maximum(flying - 1, 1)
-    return mean, np.sqrt(variance), flying
+    whole = total([Moments.of({column: flown.columns[column]}) for flown in flights])
+    return whole.mean[column], whole.std(column), whole.flying

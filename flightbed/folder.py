@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from flightbed.telemetry.shown import Shown
 
 RUN_FILES = frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"})
-CAMPAIGN_FILES = frozenset({"scenario.toml", "campaign.toml", "table.parquet", "summary.json", "report.html", "traces"})
+CAMPAIGN_FILES = frozenset(
+    {"scenario.toml", "campaign.toml", "table.parquet", "summary.json", "report.html", "histories.parquet", "traces"}
+)
 STUDY_FILES = frozenset({"report.html", "results.json"})
 COMPARISON_FILES = frozenset({"comparison.rrd", "comparison.json", "report.html"})
 _KINDS = {RUN_FILES: "run", STUDY_FILES: "study", COMPARISON_FILES: "comparison"}  # others are campaigns'
@@ -100,6 +102,13 @@ def write_comparison(runs: Sequence[Run], document: Document, target: Path, *, r
 def to_json(values: dict[str, Any]) -> str:
     """Return a file of plain values."""
     return json.dumps(values, indent=2, allow_nan=False) + "\n"
+
+
+def put_whole(path: Path, write: Callable[[Path], None]) -> None:
+    """Have a file written beside its place and moved there: whole or not at all. Raises OSError."""
+    scratch = path.with_name(f"{path.name}.tmp")
+    write(scratch)
+    scratch.replace(path)
 
 
 def _write(target: Path, write: Callable[[Path], None], *, replace: bool) -> Path:

@@ -132,7 +132,7 @@ def _tick(store: Array, k: int) -> float:
 def ready() -> None:
     """Compile, or load what was compiled, now and not in the time of a flight."""
     store = np.zeros(_BLOCKS + 7 + row_width(0))
-    store[_WIDTH], store[_ERRORS], store[_ROWS] = row_width(0), _BLOCKS, _BLOCKS + 7
+    store[_WIDTH], store[_ERRORS], store[_ROWS], store[_STATE_FROM] = row_width(0), _BLOCKS, _BLOCKS + 7, -1.0
     _tick(store, 0)
 
 

@@ -1,8 +1,8 @@
 """The folder of a campaign that is being flown: what is done is on disk, and nothing that a kill or a full disk leaves is taken for done.
 
 ``unfinished/`` in the campaign's folder says that it is unfinished, and holds ``campaign.json`` (which campaign), ``rows.jsonl`` (a line a
-flight, in the order in which they came), and, for a programme of one point, ``histories.npz`` and ``histories-N.npz``: what the first
-chunks add up to, and chunks that came before their turn. A chunk is done if all its rows are there, and its histories.
+flight, in the order in which they came), and what ``campaign_histories.py`` keeps. A chunk is done if all its rows are there, and its
+histories.
 """
 
 from __future__ import annotations
@@ -18,62 +18,14 @@ from pathlib import Path
 from typing import IO, Any
 
 from flightbed.campaign_flights import CHUNK, Flown
+from flightbed.campaign_histories import Histories
 from flightbed.campaign_table import Row
 from flightbed.errors import InputError, OutputError
-from flightbed.folder import CAMPAIGN_FILES, check_target
-from flightbed.moments import Moments
+from flightbed.folder import CAMPAIGN_FILES, check_target, put_whole
 from flightbed.programme import Programme
 
 UNFINISHED = "unfinished"
 _DONE = ".finished"  # what was unfinished, on its way to be deleted
-
-
-class Histories:
-    """Adds up the histories of chunks in the order of their numbers, whatever the order in which they come.
-
-    Attributes:
-        merged: the sum of the first chunks, ``number`` of them; None before any has flown.
-
-    """
-
-    def __init__(self, folder: Path | None = None) -> None:
-        self.merged: Moments | None = None
-        self.number = 0
-        self.early: dict[int, Moments | None] = {}
-        self._folder = folder
-        if folder is None:
-            return
-        with suppress(FileNotFoundError):
-            self.merged, self.number = Moments.load(folder / "histories.npz")
-        for path in folder.glob("histories-*.npz"):
-            self.early[int(path.stem.partition("-")[2])] = Moments.load(path)[0]
-
-    def has(self, number: int) -> bool:
-        """Tell whether a chunk has come."""
-        return number < self.number or number in self.early
-
-    def add(self, number: int, moments: Moments | None) -> None:
-        """Take a chunk's; None of one in which nothing flew. Raises OSError."""
-        if self.has(number):
-            return
-        self.early[number] = moments
-        if number != self.number:
-            if self._folder is not None and moments is not None:
-                _whole(self._folder / f"histories-{number}.npz", lambda path: moments.save(path, 1))
-            return
-        taken = []
-        while self.number in self.early:
-            part = self.early.pop(self.number)
-            if part is not None:
-                self.merged = part if self.merged is None else self.merged + part
-            taken.append(self.number)
-            self.number += 1
-        merged = self.merged
-        if self._folder is None or merged is None:
-            return
-        _whole(self._folder / "histories.npz", lambda path: merged.save(path, self.number))
-        for number in taken:
-            (self._folder / f"histories-{number}.npz").unlink(missing_ok=True)
 
 
 class Journal:
@@ -93,7 +45,7 @@ class Journal:
         indices = {row["index"] for row in self._stored()}
         self._rows.truncate(self._whole_bytes)
         self._rows.seek(0, os.SEEK_END)
-        self.histories = Histories(self._folder) if len(programme.points) == 1 else None
+        self.histories = Histories(programme, self._folder)
         chunks = range(-(-len(programme) // CHUNK))
         self.missing = [n for n in chunks if not self._is_done(n, indices)]
         self.done = len(programme) - sum(len(self._range(n)) for n in self.missing)
@@ -102,9 +54,7 @@ class Journal:
         return range(number * CHUNK, min((number + 1) * CHUNK, len(self._programme)))
 
     def _is_done(self, number: int, indices: set[Any]) -> bool:
-        if not all(i in indices for i in self._range(number)):
-            return False
-        return self.histories is None or self.histories.has(number)
+        return all(i in indices for i in self._range(number)) and self.histories.has(number)
 
     def _stored(self) -> Iterator[Row]:
         """Yield the rows on disk, up to a line that is not whole."""
@@ -125,8 +75,7 @@ class Journal:
         try:
             if self.done == 0:
                 self._clear()
-            if self.histories is not None:
-                self.histories.add(number, flown.moments)
+            self.histories.add(number, flown.parts)
             self._rows.write("".join(json.dumps(row) + "\n" for row in flown.rows).encode())
             self._rows.flush()
             os.fsync(self._rows.fileno())
@@ -229,7 +178,7 @@ def _begin(target: Path, programme: Programme, *, replace: bool) -> Path:
         target = _first_free(target)
     known = {"campaign": programme.fingerprint, "name": programme.name, "flights": len(programme)}
     (target / UNFINISHED).mkdir(exist_ok=True)
-    _whole(target / UNFINISHED / "campaign.json", lambda path: _write(path, json.dumps(known, indent=2) + "\n"))
+    put_whole(target / UNFINISHED / "campaign.json", lambda path: _write(path, json.dumps(known, indent=2) + "\n"))
     return target
 
 
@@ -290,12 +239,6 @@ def _locked(path: Path) -> IO[bytes]:
     except (ImportError, OSError):  # a system, or a disk, that has no locks
         pass
     return file
-
-
-def _whole(path: Path, write: Callable[[Path], None]) -> None:
-    scratch = path.with_name(f"{path.name}.tmp")
-    write(scratch)
-    scratch.replace(path)
 
 
 def _write(path: Path, text: str) -> None:

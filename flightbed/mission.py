@@ -103,7 +103,7 @@ def run(
         ready()
         margins = _margins(planned, flight)  # of the laws as they are before the flight
         began = time.perf_counter()
-        trace = _collected(flight, scenario, pace, live)
+        trace = collected(flight, scenario, pace, live)
         wall = time.perf_counter() - began
         trace, metrics = _measured(planned, flight, trace)
         result = Result(planned, trace, metrics, {**_summary(planned, trace, metrics, wall), "margins": margins})
@@ -122,10 +122,10 @@ def run(
 def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:
     """Fly what is planned, once, and measure it."""
     flight = assemble(plan)
-    return _measured(plan, flight, _collected(flight, plan.scenario))
+    return _measured(plan, flight, collected(flight, plan.scenario))
 
 
-def _collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, live: Live | None = None) -> Trace:
+def collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, live: Live | None = None) -> Trace:
     """Fly, at the pace of a clock and before a viewer's eyes if there are any, and keep every sample.
 
     Where nobody looks on, and all parts are of the house, in compiled code: the samples are the same.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -47,30 +47,31 @@ class Moments:
                 first, second = _padded(self.mean[name], length), _padded(other.mean[name], length)
                 # Where only one of them flies its numbers stay as they are.
                 change = np.where((a > 0) & (b > 0), second - first, 0.0)
-                mean[name] = np.where(a > 0, first + change * (b / flying), second)
+                both = np.where(first == second, first, first + change * (b / flying))  # infinite ones are equal, too
+                mean[name] = np.where(a > 0, both, second)
                 within = _padded(self.squares[name], length) + _padded(other.squares[name], length)
                 squares[name] = within + change**2 * (a * b / flying)
         return Moments(flying, mean, squares)
 
     def std(self, column: str) -> Vector:
-        """Return the standard deviation over the flights (n - 1 in the divisor); 0 where one flies."""
-        return np.asarray(np.sqrt(self.squares[column] / np.maximum(self.flying - 1, 1)))
+        """Return the standard deviation over the flights (n - 1 in the divisor); 0 where one flies, nan where the mean is infinite."""
+        std = np.sqrt(self.squares[column] / np.maximum(self.flying - 1, 1))
+        return np.where(np.isfinite(self.mean[column]), std, np.nan)
 
-    def save(self, path: Path, parts: int) -> None:
-        """Write to a file, with the number of parts that they are the sum of. Raises OSError."""
-        arrays = {f"{kind}/{n}": v for kind in ("mean", "squares") for n, v in getattr(self, kind).items()}
-        with path.open("wb") as file:
-            np.savez(file, flying=self.flying, parts=np.array(parts), **arrays)
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """Return all of it as arrays by name, for a file."""
+        kinds = {"mean": self.mean, "squares": self.squares}
+        return {"flying": self.flying, **{f"{kind}/{n}": v for kind, named in kinds.items() for n, v in named.items()}}
 
     @classmethod
-    def load(cls, path: Path) -> tuple[Moments, int]:
-        """Read from a file; returns them and the number of parts."""
-        with np.load(path) as found:
-            kinds = [
-                {name.partition("/")[2]: found[name] for name in found.files if name.startswith(f"{kind}/")}
-                for kind in ("mean", "squares")
-            ]
-            return cls(found["flying"], *kinds), int(found["parts"])
+    def of_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Moments:
+        """Return what ``arrays`` gave."""
+        return cls(arrays["flying"], within(arrays, "mean/"), within(arrays, "squares/"))
+
+
+def within(arrays: Mapping[str, npt.NDArray[Any]], start: str) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays whose names start so, by the rest of their names."""
+    return {name.removeprefix(start): array for name, array in arrays.items() if name.startswith(start)}
 
 
 def total(parts: Sequence[Moments]) -> Moments:

@@ -17,6 +17,7 @@ caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
 th, td { padding: .2rem .7rem .2rem 0; border-bottom: 1px solid #e3e6ec; text-align: left; vertical-align: top; }
 th { color: #555; font-weight: 600; }
 .wide { overflow-x: auto; } .n { white-space: nowrap; }
+.dense { font-size: .76rem; } .dense th, .dense td { padding-right: .45rem; }
 figure { margin: 1.4rem 0 1.8rem; break-inside: avoid; } figure svg { width: 100%; height: auto; }
 figcaption { font-size: .92rem; } figcaption b { display: block; }
 .facts { color: #444; } .note { color: #555; font-size: .9rem; margin-top: -1rem; }
@@ -71,7 +72,8 @@ def _table(table: Table) -> str:
     head = "".join(f"<th>{escape(c)}</th>" for c in table.columns)
     rows = "".join("<tr>" + "".join(map(_cell, row, table.shown(row))) + "</tr>" for row in table.rows)
     note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
-    return f'<div class="wide"><table><caption>{escape(table.title)}</caption><tr>{head}</tr>{rows}</table></div>{note}'
+    kind = ' class="dense"' if len(table.columns) > _MANY else ""
+    return f'<div class="wide"><table{kind}><caption>{escape(table.title)}</caption><tr>{head}</tr>{rows}</table></div>{note}'
 
 
 def _cell(value: Cell, shown: str) -> str:
@@ -107,5 +109,6 @@ def _listing(listing: Listing) -> str:
     return f'<p class="listing">{escape(listing.title)}</p><pre{kind}>{escape(listing.text)}</pre>'
 
 
+_MANY = 7  # columns of a table that is set small
 _LONG = 40  # lines of a listing that is set in two columns
 _DRAW: dict[type, Callable[..., str]] = {Table: _table, Claim: _claim, Picture: _picture, Listing: _listing}

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
 from itertools import product
+from math import prod
 from types import MappingProxyType
 from typing import Any
 
@@ -25,6 +26,8 @@ from flightbed.settings import AxisSettings, CampaignSettings, Scenario
 
 Values = Mapping[str, Any]  # key of the scenario -> value
 
+MOST_REMEMBERED = 100  # points that all keep histories, about 0.6 MB each
+SHOWN = 12  # points whose histories the page shows
 _SEED_BITS = 53  # a seed is a number that every reader of JSON keeps exactly
 
 
@@ -98,11 +101,30 @@ class Programme:
         values = {**self.points[point], **drawn}
         return Flight(index, point, int(state[0]) >> (64 - _SEED_BITS), {a.key: values[a.key] for a in self.axes})
 
+    def at(self, point: int) -> Scenario:
+        """Return the scenario of a point, complete: of its first flight."""
+        return scenario_of(self.raw, self.flight(point * self.runs))
+
     def overrides(self, flight: Flight) -> str:
         """Return the options of ``flightbed run`` that make the base scenario this flight; values without effect are left out."""
         idle = idle_keys(scenario_of(self.raw, flight))
         texts = [setting(key, value) for key, value in flight.values.items() if key not in idle]
         return "".join(f" --set {shlex.quote(text)}" for text in (*texts, f"seed={flight.seed}"))
+
+    @property
+    def seed(self) -> int:
+        """Its own: of the campaign file, or of the first flight."""
+        return self.scenario.seed if self.settings is None else self.settings.seed
+
+    @cached_property
+    def remembered(self) -> frozenset[int]:
+        """Points that keep histories: those that are chosen, else all, or, of more than ``MOST_REMEMBERED``, a few of them."""
+        count = len(self.points)
+        if self.settings is None or (self.settings.histories.keep == "auto" and count <= MOST_REMEMBERED):
+            return frozenset(range(count))
+        if self.settings.histories.keep == "auto":
+            return frozenset(few(self.settings, range(count), SHOWN))
+        return frozenset(self.settings.histories.points)
 
     @cached_property
     def fingerprint(self) -> str:
@@ -163,6 +185,29 @@ def grid(settings: CampaignSettings) -> list[Values]:
         return [{}]
     combined = product(*axes.values()) if settings.combine == "crossed" else zip(*axes.values(), strict=True)
     return [dict(zip(axes, values, strict=True)) for values in combined]
+
+
+def few(settings: CampaignSettings | None, points: Sequence[int], most: int) -> list[int]:
+    """Return at most so many of some points: of all points of a crossed grid a smaller grid with its corners, else evenly spread."""
+    axes = [] if settings is None else [len(values_of(axis)) for axis in settings.axes if not axis.is_drawn]
+    crossed = settings is not None and settings.combine == "crossed"
+    if len(points) <= most:
+        return list(points)
+    if not crossed or prod(axes) != len(points):
+        return [points[i] for i in _spread(len(points), most)]
+    kept = list(axes)
+    while prod(kept) > most:
+        kept[kept.index(max(kept))] -= 1
+    strides = [prod(axes[i + 1 :]) for i in range(len(axes))]
+    ways = product(*(_spread(length, count) for length, count in zip(axes, kept, strict=True)))
+    return [points[sum(i * stride for i, stride in zip(way, strides, strict=True))] for way in ways]
+
+
+def _spread(length: int, count: int) -> list[int]:
+    """Return so many of the numbers from 0 below a length, both ends among them; one is the middle."""
+    if count == 1:
+        return [length // 2]
+    return [round(i * (length - 1) / (count - 1)) for i in range(count)]
 
 
 def values_of(axis: AxisSettings) -> Sequence[Any]:

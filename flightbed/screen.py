@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from flightbed.comparison import Run
     from flightbed.document import Document
     from flightbed.mission import Result
+
+_POINTS = 20  # of a campaign, at most, that a terminal is told of
 
 
 @contextmanager
@@ -147,17 +150,20 @@ def _number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
 
 def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType]:
     """Tell how the flights of a campaign went: how many departed, the medians, the worst, and where the rest is."""
-    from flightbed.campaign_report import lead
+    from flightbed.campaign_lead import lead
+    from flightbed.campaign_points import points_table
 
     told = lead(campaign)
     yield Text.from_markup(f"[bold]{campaign.programme.name}[/bold]: {escape(campaign.programme.description)}")
     for paragraph in told.text:
         yield Padding(escape(paragraph), (0, 2))
-    for table in told.items:
+    few = 1 < len(campaign.programme.points) <= _POINTS
+    for table in (*told.items, *([_without("flights", points_table(campaign, estimators=()))] if few else [])):
         if isinstance(table, Rows):
             grid = Table(box=None, header_style="dim", padding=(0, 1))
             for column in table.columns:
-                grid.add_column(escape(column), no_wrap=column == "estimator")
+                words = max(map(len, column.split()))  # a heading is broken between them alone
+                grid.add_column(escape(column), no_wrap=column == "estimator", min_width=words)
             for row in table.rows:
                 medians = [cell.estimate if isinstance(cell, Interval) else cell for cell in row]
                 grid.add_row(*(escape(cell) for cell in table.shown(medians)))
@@ -165,6 +171,12 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
     if campaign.worst is not None:
         yield f"  again: flightbed run {escape(str(written))}/scenario.toml{escape(campaign.override)}"
     yield f"  {len(campaign.rows)} flights in {campaign.wall_time_s:.1f} s; written to {escape(str(written))}"
+
+
+def _without(column: str, table: Rows) -> Rows:
+    """Return a table without a column."""
+    kept = [i for i, name in enumerate(table.columns) if name != column]
+    return replace(table, columns=[table.columns[i] for i in kept], rows=[[row[i] for i in kept] for row in table.rows])
 
 
 def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:

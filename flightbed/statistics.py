@@ -83,17 +83,33 @@ def share(successes: int, runs: int) -> Interval:
 def median_interval(values: Sequence[float]) -> Interval:
     """Return the median with the interval between order statistics that holds it with at least 95 % (of the sign test).
 
-    Exact for any distribution: the k-th smallest and k-th largest of n values hold the median unless fewer than k of them lie on
-    one side of it, a binomial count (Conover, Practical Nonparametric Statistics, S 3.2). Of paired differences it is a test of their
-    sign. Fewer than 6 values hold it with less than 95 % whatever they are: the interval is then infinite. Values may be infinite,
-    of what never happened.
+    As ``quantile_interval``. Of paired differences it is a test of their sign. Fewer than 6 values hold it with less than 95 % whatever
+    they are: the interval is then infinite. Values may be infinite, of what never happened.
+    """
+    ends = quantile_interval(values, 0.5)
+    return Interval(float(np.median(values)), ends.low, ends.high, ends.runs)
+
+
+def quantile_interval(values: Sequence[float], p: float) -> Interval:
+    """Return a quantile with the interval between order statistics that holds it with at least 95 %.
+
+    Exact for any distribution: the k-th smallest of n values lies above the quantile only if fewer than k of them lie below it, a
+    binomial count (Conover, Practical Nonparametric Statistics, S 3.2). An end for which there are too few values is infinite: of p = 0.05
+    and 0.95 fewer than 72 leave one open.
+
+    Args:
+        values: at least one.
+        p: of the quantile, between 0 and 1.
+
     """
     from scipy.stats import binom  # slow to import
 
     data = np.sort(np.asarray(values, dtype=np.float64))
-    k = int(binom.ppf(0.025, data.size, 0.5))  # P(count < k) <= 0.025 < P(count <= k)
-    low, high = (float(data[k - 1]), float(data[-k])) if k else (-np.inf, np.inf)
-    return Interval(float(np.median(data)), low, high, data.size)
+    below = int(binom.ppf(0.025, data.size, p))  # P(count < below) <= 0.025 < P(count <= below)
+    above = int(binom.ppf(0.975, data.size, p))  # P(count > above) <= 0.025
+    low = float(data[below - 1]) if below else -np.inf
+    high = float(data[above]) if above < data.size else np.inf
+    return Interval(float(np.quantile(data, p)) if np.isfinite(data).all() else np.nan, low, high, data.size)
 
 
 def chi_square_bound(degrees: float) -> float:

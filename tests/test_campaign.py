@@ -93,14 +93,19 @@ def test_the_flights_do_not_depend_on_the_workers(flown: Campaign) -> None:
 
 
 def test_only_the_columns_that_histories_need_are_kept(flown: Campaign) -> None:
-    assert flown.histories is not None
-    assert set(flown.histories.mean) == {
-        *HISTORIES,
-        "effectiveness_true",
-        "scheduled.effectiveness_smoothed",
-        "expanding.effectiveness_smoothed",
-    }
-    assert set(flown.histories.flying) == {RUNS}
+    (histories,) = flown.histories.values()
+    assert (
+        set(histories.moments.mean)
+        == set(histories.percentiles)
+        == {
+            *HISTORIES,
+            "effectiveness_true",
+            "scheduled.effectiveness_smoothed",
+            "expanding.effectiveness_smoothed",
+        }
+    )
+    assert set(histories.moments.flying) == {RUNS}
+    assert histories.sampled == RUNS
 
 
 def test_the_worst_flight_flies_again_by_its_command(folder: Path) -> None:
@@ -158,7 +163,7 @@ def test_the_report_says_what_the_summary_says(folder: Path, flown: Campaign) ->
     assert {"tracking", "median-abs-error-post", "first-within-20pct-s", "detected-at-s", "motion", "gain"} < set(
         pictures
     )
-    for key in ("motion", "gain", "pitch-rate", "effectiveness"):
+    for key in ("motion", "motion-about", "gain", "gain-about", "pitch-rate", "effectiveness"):
         svg = pictures[key].svg
         axes = len(re.findall(r'id="[^"]*axes_\d+"', svg))
         assert len(re.findall(rf"stroke: {drawing.FAILURE}", svg)) >= axes, key
@@ -223,7 +228,7 @@ def test_where_nothing_fails_the_whole_flight_counts() -> None:
     assert "Median RMS of q - q_ref: " in document.lead.text[0]
     assert "too few flights for an interval" in document.lead.text[0]
     assert flown.reason.startswith("largest RMS of q - q_ref over the whole flight")
-    assert [p.key for p in document.pictures()] == ["tracking", "motion", "pitch-rate"]
+    assert [p.key for p in document.pictures()] == ["tracking", "motion", "motion-about", "pitch-rate"]
 
 
 def test_only_a_campaign_is_replaced_and_that_is_told_before_anything_flies(tmp_path: Path) -> None:
@@ -271,6 +276,9 @@ def test_own_code_flies_in_workers_and_in_the_worst_flights_command(tmp_path: Pa
     again = json.loads(done.stdout)["worst"]["command"]
     assert again == f"flightbed run FOLDER/scenario.toml --set seed={seed} --use mine.py:make"
     assert again in (tmp_path / "c" / "report.html").read_text()
+    shown = flightbed(*(word for word in command if word != "--json"), cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert f"again: {again.replace('FOLDER', 'c')}\n" in shown.stdout
     refused = flightbed("campaign", "elevator-loss", "--runs", "2", *keys, cwd=tmp_path)
     assert refused.returncode == 2
     assert "add --use mine.py:make to allow it" in refused.stderr

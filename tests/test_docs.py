@@ -55,7 +55,7 @@ def test_the_campaign_file_of_the_document_loads_and_every_key_is_in_the_table(t
     ]
     explained = {key for row in rows for key in re.findall(r"`([^`]+)`", row)} - set(data.names("campaign"))
     inner = {"axes": known_keys(CampaignSettings, ("axes",)), "criteria": known_keys(CampaignSettings, ("criteria",))}
-    inner["traces"] = known_keys(CampaignSettings, ("traces",))
+    inner |= {table: known_keys(CampaignSettings, (table,)) for table in ("traces", "histories")}
     outer = set(known_keys(CampaignSettings, ())) - set(inner)
     assert explained == outer | {f"{table}.{key}" for table, keys in inner.items() for key in keys}
     shipped = dict(

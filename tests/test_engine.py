@@ -1,16 +1,14 @@
-"""The engine: work done once each, never too far ahead, again where a worker was lost; on a real dask scheduler the same table."""
+"""The engine: work done once each, never too far ahead, who kills is found; on a real dask scheduler the same table."""
 
 from __future__ import annotations
 
-import json
 import os
 import signal
-import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +17,9 @@ import pytest
 
 from flightbed import campaign as campaigns
 from flightbed.campaign_file import load_programme
-from flightbed.engine import engine, results
+from flightbed.engine import DEATHS, Work, engine, results
 from flightbed.errors import InputError
+from tests import dask_cluster
 from tests.command_line import flightbed
 from tests.test_journal import LONGER, started
 
@@ -29,54 +28,115 @@ def _double(n: int) -> int:
     return 2 * n
 
 
+WORK = Work(_double, lambda n: [n], lambda found: found[0], lambda n: -n)
+
+
 @pytest.mark.parametrize("threads", [0, 1, 3])
 def test_every_task_is_done_once(threads: int) -> None:
     opened = (lambda: nullcontext(None)) if not threads else (lambda: ThreadPoolExecutor(threads))
-    found = list(results(range(200), _double, opened, ahead=7))
+    found = list(results(range(200), WORK, opened, ahead=7))
     assert sorted(found) == [(n, 2 * n) for n in range(200)]
 
 
-class _Breaks(Executor):
-    """Does what it is told at once, but breaks at the task of a number, as a pool does whose worker was killed."""
+class _Dies(Executor):
+    """Does what it is told at once, but tasks of some numbers kill, so many times; notes what was asked of it."""
 
-    def __init__(self, at: int | None) -> None:
-        self.at, self.broken = at, False
+    def __init__(self, killers: dict[int, int], error: Exception | None = None) -> None:
+        self.killers, self.error = dict(killers), error or BrokenExecutor("a worker died")
+        self.asked: list[int] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         future: Future[Any] = Future()
-        self.broken = self.broken or args[0] == self.at
-        if self.broken:
-            future.set_exception(BrokenExecutor("a worker died"))
+        self.asked.append(args[0])
+        if self.killers.get(args[0], 0) > 0:
+            self.killers[args[0]] -= 1
+            future.set_exception(self.error)
         else:
             future.set_result(fn(*args, **kwargs))
         return future
 
 
-def test_what_a_lost_worker_had_is_given_to_an_executor_opened_anew() -> None:
-    breaks = iter([3, 3, 50, None])
-    opened: list[_Breaks] = []
+def test_who_kills_whenever_it_is_done_is_lost_and_nobody_else() -> None:
+    always, once, thrice = 17, 3, 40
+    dies = _Dies({always: 99, once: 1, thrice: 3})  # the last with one death of the task and two of its part
+    found = sorted(results(range(60), WORK, lambda: nullcontext(dies), ahead=5))
+    assert found == [(n, -n if n == always else 2 * n) for n in range(60)]
+    assert [dies.asked.count(n) for n in (always, once, thrice)] == [1 + DEATHS, 2, 4]
+    assert all(dies.asked.count(n) == 1 for n in range(60) if n not in (always, once, thrice))
+
+
+def test_a_suspect_is_taken_apart_and_done_alone() -> None:
+    """Tasks are pairs: only the part that kills is lost, and while parts are done nothing else is in hand."""
+    pairs = Work[tuple[int, ...], int](
+        sum, lambda pair: [(n,) for n in pair], lambda found: sum(found), lambda one: -1000 * one[0]
+    )
+    waiting: list[Future[Any]] = []
+
+    class Later(Executor):
+        """Ends tasks when they are looked at, so that it is known what else is in hand."""
+
+        def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+            (task,) = args
+            future: Future[Any] = Future()
+            if len(task) == 1:
+                assert all(f.done() for f in waiting), "a part is done beside something else"
+            waiting.append(future)
+            if 3 in task:
+                future.set_exception(BrokenExecutor())
+            else:
+                future.set_result(fn(*args, **kwargs))
+            return future
+
+    found = dict(results([(1, 2), (3, 4), (5, 6)], pairs, lambda: nullcontext(Later())))
+    assert found == {(1, 2): 3, (3, 4): -2996, (5, 6): 11}
+
+
+def test_what_dask_says_of_a_killer_counts_as_often_as_it_was_tried() -> None:
+    scheduler = pytest.importorskip("distributed.scheduler")
+    twice, often = scheduler.KilledWorker("n", None, 1), scheduler.KilledWorker("n", None, 3)
+    for error, asked in ((twice, 1 + 2), (often, 1 + 1)):
+        dies = _Dies({2: 99}, error)
+        assert sorted(results(range(4), WORK, lambda d=dies: nullcontext(d))) == [(0, 0), (1, 2), (2, -2), (3, 6)]  # type: ignore[misc]
+        assert dies.asked.count(2) == asked
+
+
+def test_where_the_way_to_the_workers_is_lost_what_they_had_is_given_to_others() -> None:
+    lost = iter([3, 3, 50, None])
+    opened: list[_Dies] = []
 
     @contextmanager
     def open_one() -> Iterator[Executor]:
-        opened.append(_Breaks(next(breaks)))
+        at = next(lost)
+        opened.append(_Dies({} if at is None else {at: 1}, CancelledError()))
         yield opened[-1]
 
-    found = list(results(range(60), _double, open_one, ahead=5))
+    found = list(results(range(60), WORK, open_one, ahead=5))
     assert sorted(found) == [(n, 2 * n) for n in range(60)]
     assert len(opened) == 4
 
 
-def test_workers_that_are_lost_again_and_again_are_told_of() -> None:
+def test_a_way_that_is_lost_again_and_again_is_told_of() -> None:
     opened: list[int] = []
 
     @contextmanager
     def open_one() -> Iterator[Executor]:
         opened.append(1)
-        yield _Breaks(0)
+        yield _Dies(dict.fromkeys(range(9), 1), CancelledError())
 
-    with pytest.raises(InputError, match="workers are lost again and again"):
-        list(results(range(9), _double, open_one))
+    with pytest.raises(InputError, match="the way to the workers is lost again and again"):
+        list(results(range(9), WORK, open_one))
     assert len(opened) == 3
+
+
+def test_processes_that_cannot_begin_are_nobodys_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a script without a guard, which each process begins anew: no flight is blamed for that."""
+    monkeypatch.setattr("flightbed.processes._begin", _ends)
+    with pytest.raises(InputError, match="end before they have begun; in a script of your own fly below"):
+        list(results(range(3), WORK, engine(1)))
+
+
+def _ends() -> None:
+    os._exit(1)
 
 
 class _Waits(Executor):
@@ -96,7 +156,7 @@ class _Waits(Executor):
 def test_it_is_never_too_far_ahead_of_a_slow_task_and_cancels_what_is_left() -> None:
     """So memory for results that wait for an earlier one is bounded, whatever the number of tasks."""
     slow = _Waits()
-    found = results(range(1000), _double, lambda: nullcontext(slow), ahead=8)
+    found = results(range(1000), WORK, lambda: nullcontext(slow), ahead=8)
     assert sorted(next(found)[0] for _ in range(7)) == [1, 2, 3, 4, 5, 6, 7]
     assert len(slow.futures) == 8
     found.close()
@@ -105,7 +165,7 @@ def test_it_is_never_too_far_ahead_of_a_slow_task_and_cancels_what_is_left() -> 
 
 def test_what_the_work_raises_ends_it() -> None:
     with pytest.raises(ZeroDivisionError):
-        list(results([1, 0], lambda n: 1 // n, lambda: ThreadPoolExecutor(1)))
+        list(results([1, 0], replace(WORK, do=lambda n: 1 // n), lambda: ThreadPoolExecutor(1)))
 
 
 def test_options_that_exclude_each_other() -> None:
@@ -126,66 +186,23 @@ def test_no_extra_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
         pass
 
 
-@pytest.fixture
-def processes() -> Iterator[list[subprocess.Popen[str]]]:
-    begun: list[subprocess.Popen[str]] = []
-    yield begun
-    for process in reversed(begun):
-        process.kill()
-        process.wait()
-
-
-def _begin(part: str, *arguments: str, cwd: Path) -> subprocess.Popen[str]:
-    """Start a scheduler or worker of dask."""
-    code = f"from distributed.cli.dask_{part} import main; main()"
-    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen([sys.executable, "-c", code, *arguments], cwd=cwd, text=True, **silent)  # type: ignore[call-overload,no-any-return]
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="kills with signals")
-def test_a_dask_cluster_that_loses_a_worker_gives_the_same_table(
-    tmp_path: Path, processes: list[subprocess.Popen[str]]
-) -> None:
+def test_a_dask_cluster_that_loses_a_worker_gives_the_same_table(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
-    known = tmp_path / "scheduler.json"
-    processes.append(
-        _begin(
-            "scheduler",
-            "--host",
-            "127.0.0.1",
-            "--port",
-            "0",
-            "--no-dashboard",
-            "--scheduler-file",
-            str(known),
-            cwd=tmp_path,
-        )
-    )
-    deadline = time.monotonic() + 60.0
-    while not known.is_file() or not known.read_text().endswith("}"):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    address = json.loads(known.read_text())["address"]
-    command = ["campaign", "elevator-loss", "--runs", "60", *LONGER, "--out", "x", "--scheduler", address]
-    nobody = flightbed(*command, cwd=tmp_path)
-    assert (nobody.returncode, nobody.stderr.count("\n")) == (2, 1), nobody.stderr
-    assert f"--scheduler {address}: has no workers; start some, dask worker {address}\n" in nobody.stderr
-    assert not (tmp_path / "x").exists()
-    one_thread = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1"]
-    processes += [_begin("worker", address, *one_thread, cwd=tmp_path) for _ in range(2)]
-    _wait_for_workers(address, 2)
-    with started(*command, "--resume", cwd=tmp_path, rows=10) as campaign:
-        os.kill(processes[1].pid, signal.SIGKILL)
-        stdout, stderr = campaign.communicate(timeout=120)
-        assert campaign.returncode == 0, stderr
-        assert stderr == ""
-        assert "60 flights in" in stdout
+    with dask_cluster.scheduler(tmp_path) as address:
+        command = ["campaign", "elevator-loss", "--runs", "60", *LONGER, "--out", "x", "--scheduler", address]
+        nobody = flightbed(*command, cwd=tmp_path)
+        assert (nobody.returncode, nobody.stderr.count("\n")) == (2, 1), nobody.stderr
+        assert f"--scheduler {address}: has no workers; start some, dask worker {address}\n" in nobody.stderr
+        assert not (tmp_path / "x").exists()
+        with (
+            dask_cluster.workers(address, tmp_path, "--no-nanny") as workers,
+            started(*command, "--resume", cwd=tmp_path, rows=10) as campaign,
+        ):
+            os.kill(workers[0].pid, signal.SIGKILL)
+            stdout, stderr = campaign.communicate(timeout=120)
+            assert campaign.returncode == 0, stderr
+            assert stderr == ""
+            assert "60 flights in" in stdout
     whole = campaigns.fly(load_programme("elevator-loss", LONGER[1::2], 60))
     assert pq.read_table(tmp_path / "x" / "table.parquet").to_pylist() == whole.rows
-    processes[0].kill()
-    processes[0].wait()
-
-
-def _wait_for_workers(address: str, count: int) -> None:
-    code = f"from distributed import Client; Client({address!r}).wait_for_workers({count}, timeout=60)"
-    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)

@@ -97,6 +97,19 @@ class Traces(Settings):
         return self
 
 
+class Histories(Settings):
+    """Which points keep histories: as many as is sensible, none, or those with these numbers."""
+
+    keep: Literal["auto", "none", "chosen"] = "auto"
+    points: Annotated[tuple[Annotated[int, between(0, 100_000)], ...], Field(max_length=100)] = ()
+
+    @model_validator(mode="after")
+    def _chosen(self) -> Histories:
+        if (self.keep == "chosen") != bool(self.points):
+            raise _problem("points go with keep = 'chosen', which needs them")
+        return self
+
+
 class CampaignSettings(Settings):
     """A campaign: a base scenario, what is varied, how often each point is flown, what a flight has to keep."""
 
@@ -110,6 +123,7 @@ class CampaignSettings(Settings):
     axes: tuple[AxisSettings, ...] = ()
     criteria: tuple[Criterion, ...] = ()
     traces: Traces = Traces()
+    histories: Histories = Histories()
 
     @model_validator(mode="after")
     def _consistent(self) -> CampaignSettings:

@@ -1,0 +1,161 @@
+"""What a report says of the histories of a campaign's flights: bands of percentiles, mean, deviation; of several points small ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flightbed import drawing, palette
+from flightbed.campaign import Campaign
+from flightbed.campaign_multiples import left_out, of_points
+from flightbed.document import Picture, Section
+from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
+from flightbed.figures import MARGIN, mark_changes
+from flightbed.naming import numbered
+from flightbed.percentiles import PERCENTILES, Ensemble
+from flightbed.programme import SHOWN, few
+from flightbed.trace import true_share
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def histories_sections(campaign: Campaign) -> list[Section]:
+    """Return the section on histories; none where none are kept."""
+    if not campaign.histories:
+        return []
+    if len(campaign.programme.points) == 1:
+        ensemble = campaign.histories[0]
+        text = (f"Over the flights that still fly: {_bands(ensemble)}", sample(ensemble))
+        return [Section("Histories", text, _of_one(campaign, ensemble))]
+    points = few(campaign.programme.settings, sorted(campaign.histories), SHOWN)
+    return [Section("Histories at the points", left_out(campaign, points), of_points(campaign, points))]
+
+
+def _bands(ensemble: Ensemble) -> str:
+    low, inner_low, _, inner_high, high = PERCENTILES
+    return (
+        f"the line is their median, the dark band goes from {inner_low} to {inner_high} % of them, the light one from {low} to {high} %. "
+        f"About the median: dashed the mean, dotted the mean +-1 sigma, of all {ensemble.moments.flying[0]}."
+    )
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A history that is drawn.
+
+    Attributes:
+        column: its name in the trace.
+        label: of its axes.
+        short: of its axes, where it is what lies about the median.
+        color: of median and bands.
+        name: how a sentence calls it.
+        mean: how a legend calls its mean.
+
+    """
+
+    column: str
+    label: str
+    short: str
+    color: str
+    name: str
+    mean: str = "mean"
+
+
+def _of_one(campaign: Campaign, ensemble: Ensemble) -> list[Picture]:
+    """Draw motion and K, and each again about its median, where a narrow band can be seen."""
+    moments = ensemble.moments
+    motion = [
+        _Curve("q_deg_s", "pitch rate, deg/s", "q, deg/s", drawing.ACTUAL, "pitch rate"),
+        _Curve("alpha_deg", "angle of attack, deg", "alpha, deg", drawing.ACTUAL, "angle of attack"),
+        _Curve("elevator_deg", "elevator, deg", "elevator, deg", drawing.ACTUAL, "elevator"),
+    ]
+    gain = [
+        _Curve(f"{name}.effectiveness_smoothed", "K", "K", palette.estimate(i), f"'{name}'", f"mean of '{name}'")
+        for name, i in numbered(campaign.estimators).items()
+    ]
+    flying, flights = moments.flying, int(moments.flying[0])
+    t = np.arange(len(flying)) / campaign.scenario.rates.control_hz
+    early = flying[-1] < flights or len(t) < campaign.scenario.ticks
+
+    def moved(axes: list[Axes]) -> str:
+        drawing.line(axes[0], t, moments.mean["q_ref_deg_s"], color=drawing.REFERENCE, label="reference")
+        for axis, curve in zip(axes, motion, strict=False):
+            draw(axis, t, ensemble, curve.column, curve.color, "median", drawing.BUCKETS)
+            axis.set_ylabel(curve.label)
+        if not early:
+            return ""
+        drawing.line(axes[-1], t, flying.astype(np.float64), color=drawing.OTHER)
+        axes[-1].set_ylim(0.0, 1.05 * flights)
+        axes[-1].set_ylabel("still flying")
+        return f"{flying[-1]} of {flights} fly at {t[-1]:.2f} s."
+
+    def gained(axes: list[Axes]) -> str:
+        words = []
+        for axis, curve, name in zip(axes, gain, campaign.estimators, strict=True):
+            truth = moments.mean[true_share(name)]
+            drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.2, label="truth")
+            draw(axis, t, ensemble, curve.column, curve.color, f"smoothed K of {curve.name}, median", drawing.BUCKETS)
+            low, _, middle, _, high = edges(ensemble, curve.column)
+            axis.set_ylim(-0.08, top(high[t > START_S]))
+            axis.set_ylabel("K")
+            words.append(
+                f"{curve.name} ends at {middle[-1]:.3f} ({PERCENTILES[0]} to {PERCENTILES[-1]} %: {low[-1]:.3f} to {high[-1]:.3f}; mean "
+                f"{moments.mean[curve.column][-1]:.3f} +- {moments.std(curve.column)[-1]:.2g}; truth {truth[-1]:.3f})."
+            )
+        return " ".join(words)
+
+    figures: list[tuple[str, str, int, Callable[[list[Axes]], str]]] = [
+        ("motion", "Motion and elevator", len(motion) + early, moved),
+        ("motion-about", "Motion and elevator about their median", len(motion), lambda axes: _about(axes, t, ensemble, motion)),
+    ]  # fmt: skip
+    if gain:
+        figures += [
+            ("gain", "Smoothed K", len(gain), gained),
+            ("gain-about", "Smoothed K about its median", len(gain), lambda axes: _about(axes, t, ensemble, gain)),
+        ]
+    return [_picture(campaign, key, title, rows, draw, float(t[-1])) for key, title, rows, draw in figures]
+
+
+def _about(axes: list[Axes], t: Vector, ensemble: Ensemble, curves: Sequence[_Curve]) -> str:
+    """Draw bands, mean and deviation less the median."""
+    words = []
+    for axis, curve in zip(axes, curves, strict=True):
+        low, inner_low, middle, inner_high, high = edges(ensemble, curve.column)
+        mean, std = ensemble.moments.mean[curve.column], ensemble.moments.std(curve.column)
+        with np.errstate(invalid="ignore"):  # where the median is infinite
+            drawing.band(axis, t, low - middle, high - middle, color=curve.color, alpha=0.2)
+            drawing.band(axis, t, inner_low - middle, inner_high - middle, color=curve.color, alpha=0.35)
+            drawing.line(axis, t, mean - middle, color="black", linestyle="--", linewidth=0.8, label=curve.mean)
+            for i, edge in enumerate((mean - std, mean + std)):
+                drawing.line(
+                    axis, t, edge - middle, color="black", linestyle=":", linewidth=0.8, label="_" if i else "+-1 sigma"
+                )
+            away = np.maximum.reduce([np.abs(edge - middle) for edge in (low, high, mean - std, mean + std)])
+        away = away[np.isfinite(away)]
+        most = 1.1 * float(np.quantile(away, SEEN)) if away.size else 0.0
+        cut = ""
+        if most > 0.0:
+            axis.set_ylim(-most, most)
+            cut = f", beyond the frame in {np.mean(away > most):.1%} of the ticks" if np.any(away > most) else ""
+        axis.set_ylabel(curve.short)
+        finite = np.where(np.isfinite(std), std, 0.0)
+        words.append(f"{curve.name}: sigma up to {finite.max():.3g}, at {t[finite.argmax()]:.2f} s{cut}")
+    return "; ".join(words) + "."
+
+
+def _picture(
+    campaign: Campaign, key: str, title: str, rows: int, draw: Callable[[list[Axes]], str], end_s: float
+) -> Picture:
+    with drawing.canvas(rows, height=1.8, margin=MARGIN) as (axes, svg):
+        facts = draw(axes)
+        for axis in axes:
+            if not is_drawn(campaign):
+                mark_changes(axis, campaign.scenario, end_s, name=axis is axes[0])
+            axis.set_xlim(0.0, max(end_s, 1e-3))
+            drawing.legend(axis)
+        axes[-1].set_xlabel("time, s")
+        return Picture(key, title, drawing.distinct(svg(), key), "", facts)

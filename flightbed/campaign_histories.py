@@ -1,0 +1,132 @@
+"""Histories of a campaign while it is flown: those of each point are added up in order, on disk what is needed to go on.
+
+In ``unfinished/`` lie ``histories.npz`` (how many chunks are added up, and what they add up to for the point that is not complete),
+``histories-N.npz`` (what chunk N adds: of a chunk that came before its turn, or that has sampled flights of a point that is not complete)
+and ``ensemble-P.npz`` (of a complete point).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed.campaign_flights import CHUNK
+from flightbed.folder import put_whole
+from flightbed.moments import Moments, within
+from flightbed.percentiles import Arrays, Ensemble, Part, add_all
+from flightbed.programme import Programme
+
+Parts = Mapping[int, Part]
+
+
+class Histories:
+    """Adds up the histories of chunks in the order of their numbers, whatever the order in which they come.
+
+    Memory holds what is complete, the sampled flights of one point, and chunks that came before their turn.
+
+    Attributes:
+        ensembles: point -> its histories; of complete points in which something flew.
+        number: how many chunks are added up.
+
+    """
+
+    def __init__(self, programme: Programme, folder: Path | None = None) -> None:
+        """Begin, or go on with what is in a folder. Raises OSError."""
+        self.ensembles: dict[int, Ensemble] = {}
+        self.number = 0
+        self._programme, self._folder = programme, folder
+        self._begun: dict[int, Part] = {}
+        self._early: dict[int, Parts] = {}
+        self._kept: dict[int, set[int]] = {}  # chunk on disk -> points that it has sampled flights of
+        if folder is not None:
+            self._restore(folder)
+
+    def has(self, number: int) -> bool:
+        """Tell whether a chunk has come, or need not come."""
+        return number < self.number or number in self._early or not self._points(number) & self._programme.remembered
+
+    def add(self, number: int, parts: Parts) -> None:
+        """Take what a chunk adds to each of its points. Raises OSError."""
+        if self.has(number):
+            return
+        self._early[number] = parts
+        sampled = {point for point, part in parts.items() if part.sample}
+        if self._folder is not None and (number != self.number or sampled):
+            self._kept[number] = sampled
+            _save(self._folder / f"histories-{number}.npz", _arrays(parts))
+        self._add_up()
+
+    def _add_up(self) -> None:
+        """Add up all chunks whose turn it is."""
+        before, last = self.number, -(-len(self._programme) // CHUNK)
+        while self.number < last and self.has(self.number):
+            add_all(self._begun, self._early.pop(self.number, {}))
+            self.number += 1
+            flown = min(self.number * CHUNK, len(self._programme))
+            for point in [p for p in self._begun if (p + 1) * self._programme.runs <= flown]:
+                ensemble = self.ensembles[point] = Ensemble.of(self._begun.pop(point))
+                if self._folder is not None:
+                    _save(self._folder / f"ensemble-{point}.npz", ensemble.arrays())
+        if self._folder is None or self.number == before:
+            return
+        begun = {f"{point}/{name}": v for point, p in self._begun.items() for name, v in p.moments.arrays().items()}
+        _save(self._folder / "histories.npz", {"number": np.array(self.number), **begun})
+        for number in [n for n, points in self._kept.items() if n < self.number and not points & self._begun.keys()]:
+            (self._folder / f"histories-{number}.npz").unlink(missing_ok=True)
+            del self._kept[number]
+
+    def _points(self, number: int) -> set[int]:
+        """Return the points that a chunk has flights of."""
+        last = min((number + 1) * CHUNK, len(self._programme)) - 1
+        return set(range(number * CHUNK // self._programme.runs, last // self._programme.runs + 1))
+
+    def _restore(self, folder: Path) -> None:
+        for path in folder.glob("ensemble-*.npz"):
+            self.ensembles[_number(path)] = Ensemble.of_arrays(_load(path))
+        with suppress(FileNotFoundError):
+            found = _load(folder / "histories.npz")
+            self.number = int(found["number"])
+            self._begun = {p: Part(Moments.of_arrays(arrays)) for p, arrays in _by_point(found).items()}
+        for number in sorted(map(_number, folder.glob("histories-*.npz"))):
+            parts = {
+                p: Part.of_arrays(arrays) for p, arrays in _by_point(_load(folder / f"histories-{number}.npz")).items()
+            }
+            self._kept[number] = {point for point, part in parts.items() if part.sample}
+            if number >= self.number:
+                self._early[number] = parts
+                continue
+            for point in self._kept[number] & self._begun.keys():
+                begun = self._begun[point]
+                self._begun[point] = Part(begun.moments, begun.sample + parts[point].sample)
+        self._add_up()
+
+
+def _number(path: Path) -> int:
+    return int(path.stem.rpartition("-")[2])
+
+
+def _arrays(parts: Parts) -> dict[str, npt.NDArray[Any]]:
+    return {f"{point}/{name}": array for point, part in parts.items() for name, array in part.arrays().items()}
+
+
+def _by_point(arrays: Arrays) -> dict[int, Arrays]:
+    points = {int(name.partition("/")[0]) for name in arrays if "/" in name}
+    return {point: within(arrays, f"{point}/") for point in sorted(points)}
+
+
+def _save(path: Path, arrays: Arrays) -> None:
+    def write(scratch: Path) -> None:
+        with scratch.open("wb") as file:
+            np.savez(file, **dict(arrays))  # type: ignore[arg-type]  # its stub takes a name for its own option
+
+    put_whole(path, write)
+
+
+def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
+    with np.load(path) as found:
+        return {name: found[name] for name in found.files}

@@ -1,0 +1,57 @@
+"""How ensembles are drawn: a median with its bands; how far percentiles are to be trusted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed import drawing
+from flightbed.campaign import Campaign
+from flightbed.percentiles import PERCENTILES, Ensemble
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Vector = npt.NDArray[np.float64]
+
+START_S = 0.3  # before, an estimate is what it was begun with
+SEEN = 0.98  # of the ticks whose bands lie within the frame
+
+
+def sample(ensemble: Ensemble) -> str:
+    """Say how far percentiles are to be trusted."""
+    sampled = ensemble.sampled
+    if sampled == ensemble.moments.flying[0]:
+        return f"Percentiles are those of all {sampled} flights, interpolated between neighbours, in single precision."
+    shares = [1.96 * (p * (100 - p) / sampled) ** 0.5 for p in PERCENTILES[:3]]
+    told = ", ".join(f"{p} +-{share:.1f}" for p, share in zip(PERCENTILES, shares, strict=False))
+    return (
+        f"Percentiles are those of the point's first {sampled} flights: of all flights that could be flown they are, with 95 % "
+        f"confidence, the percentiles {told} (normal approximation to the binomial)."
+    )
+
+
+def draw(axis: Axes, t: Vector, ensemble: Ensemble, column: str, color: str, label: str, buckets: int) -> None:
+    """Draw the median of a history, and the bands around it."""
+    low, inner_low, middle, inner_high, high = edges(ensemble, column)
+    drawing.band(axis, t, low, high, color=color, alpha=0.2, buckets=min(buckets, drawing.BUCKETS // 2))
+    drawing.band(axis, t, inner_low, inner_high, color=color, alpha=0.35, buckets=min(buckets, drawing.BUCKETS // 2))
+    drawing.line(axis, t, middle, color=color, label=label, buckets=buckets)
+
+
+def edges(ensemble: Ensemble, column: str) -> list[Vector]:
+    """Return the percentiles of a history, each (n,)."""
+    return [edge.astype(np.float64) for edge in ensemble.percentiles[column]]
+
+
+def top(values: Vector) -> float:
+    """Return the upper end of an axis for K: a little above all, but not where an estimate runs away."""
+    finite = values[np.isfinite(values)]
+    return max(1.25, min(3.0, float(finite.max(initial=0.0)) + 0.1))
+
+
+def is_drawn(campaign: Campaign) -> bool:
+    """Tell whether every flight draws when something fails, so that no time can be marked."""
+    return any(axis.is_drawn and axis.key.endswith(".at_s") for axis in campaign.programme.axes)

@@ -1,0 +1,157 @@
+"""Flights that kill the process that flies them: the same row in the same table, whoever flies; their neighbours are as if they were alone."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from flightbed import campaign as campaigns
+from flightbed import using
+from flightbed.campaign_file import load_programme
+from flightbed.campaign_flights import KILLS, Chunk, Flown, chunk_of, fly_chunk, joined, killed, single_flights
+from flightbed.campaign_table import Row
+from flightbed.engine import Engine, engine
+from flightbed.mission import fly
+from flightbed.programme import Programme
+from flightbed.scenario import load_scenario
+from tests import dask_cluster
+
+RUNS, VICTIM = 24, 13
+SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]
+NAME = "deadly.py:Deadly"
+CODE = """
+import os, signal
+from flightbed.estimation.loop_gain import LoopGain
+from flightbed.factories import loop_gain_config
+
+
+class Deadly:
+    def __init__(self, settings, onboard):
+        self.inner = LoopGain(loop_gain_config(settings), onboard)
+        self.readings = self.inner.readings
+        self.options = settings.options
+
+    def update(self, measurement):
+        if measurement.alpha_rad == self.options["kills_at_rad"]:
+            if self.options["how"] == "signal":
+                os.kill(os.getpid(), signal.SIGKILL)
+            os._exit(3)
+        return self.inner.update(measurement)
+"""
+
+
+@pytest.fixture
+def deadly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Programme]]:
+    """Makes a programme of which one flight kills: by what its first reading is, which no other flight's is."""
+    (tmp_path / "deadly.py").write_text(CODE)
+    monkeypatch.chdir(tmp_path)
+    reading = next(iter(fly(load_scenario("elevator-loss", [*SHORT, f"seed={VICTIM}"])))).measurement.alpha_rad
+    own = [f"estimators.0.kind={NAME}", f"estimators.0.options.kills_at_rad={reading!r}"]
+
+    def make(how: str) -> Programme:
+        return load_programme("elevator-loss", [*SHORT, *own, f"estimators.0.options.how={how}"], RUNS)
+
+    with using(NAME):
+        yield make
+
+
+@cache
+def _expected() -> list[Row]:
+    """The rows of flights that kill nobody, but for the victim's."""
+    return list(campaigns.fly(load_scenario("elevator-loss", SHORT), RUNS).rows)
+
+
+def _assert_as_expected(folder: Path) -> None:
+    table = pq.read_table(folder / "table.parquet").to_pylist()
+    assert [row["error"] for row in table] == [KILLS if i == VICTIM else None for i in range(RUNS)]
+    assert table[VICTIM]["departed"] is table[VICTIM]["scheduled.final"] is None
+    assert len({row["hash"] for row in table} - {None}) == RUNS
+    for row, expected in zip(table, _expected(), strict=True):
+        if row["index"] != VICTIM:
+            assert {**row, "hash": None} == {**expected, "hash": None}
+    told = json.loads((folder / "summary.json").read_text())
+    assert (told["errors"], told["flights"]) == (1, RUNS)
+    assert f"1 of {RUNS} flights failed: {KILLS}" in (folder / "report.html").read_text()
+
+
+@pytest.mark.parametrize(("workers", "how"), [(1, "exit"), (2, "signal")])
+def test_it_is_a_row_and_the_campaign_goes_on(
+    deadly: Callable[[str], Programme], tmp_path: Path, workers: int, how: str
+) -> None:
+    flown, folder = campaigns.run(deadly(how), tmp_path / "x", workers=workers)
+    assert flown is not None
+    assert flown.histories[0].moments.flying[0] == RUNS - 1
+    _assert_as_expected(folder)
+
+
+def test_after_an_interrupt_its_table_is_the_same_to_the_last_bit(
+    deadly: Callable[[str], Programme], tmp_path: Path
+) -> None:
+    programme = deadly("exit")
+    _, whole = campaigns.run(programme, tmp_path / "whole", workers=2)
+
+    def stop(done: int, _total: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match="of 24 flights"):
+        campaigns.run(programme, tmp_path / "x", workers=2, progress=stop)
+    assert len(pq.read_table(tmp_path / "x" / "table.parquet")) < RUNS
+    _, folder = campaigns.run(programme, tmp_path / "x", workers=1, resume=True)
+    for name in ("table.parquet", "histories.parquet"):
+        assert (folder / name).read_bytes() == (whole / name).read_bytes()
+    _assert_as_expected(folder)
+
+
+def test_on_a_dask_cluster_whose_nannies_begin_dead_workers_anew(
+    deadly: Callable[[str], Programme], tmp_path: Path
+) -> None:
+    pytest.importorskip("distributed")
+    programme = deadly("signal")
+    with dask_cluster.scheduler(tmp_path) as address, dask_cluster.workers(address, tmp_path):
+        _, folder = campaigns.run(programme, tmp_path / "x", scheduler=address)
+    _assert_as_expected(folder)
+    _, here = campaigns.run(programme, tmp_path / "here", workers=2)
+    assert (folder / "table.parquet").read_bytes() == (here / "table.parquet").read_bytes()
+
+
+def test_flights_flown_one_by_one_are_those_of_their_chunk() -> None:
+    programme = load_programme("elevator-loss", SHORT, 4)
+    chunk = chunk_of(programme, 0)
+    together, alone = fly_chunk(chunk), joined([fly_chunk(one) for one in single_flights(chunk)])
+    assert alone.rows == together.rows
+    assert alone.parts.keys() == together.parts.keys()
+    for name, array in together.parts[0].arrays().items():
+        assert alone.parts[0].arrays()[name].tobytes() == array.tobytes(), name
+
+
+def test_the_hash_of_a_flight_that_kills_is_that_of_the_flight() -> None:
+    chunk = single_flights(chunk_of(load_programme("elevator-loss", SHORT, 2), 0))[1]
+    assert killed(chunk).rows[0]["hash"] == fly_chunk(chunk).rows[0]["hash"]
+
+
+def test_a_process_that_dies_once_blames_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of one that somebody kills, or that runs out of memory that two needed together: alone, the flight flies."""
+    monkeypatch.setattr(campaigns, "fly_chunk", _dies_where_it_is_not_alone)
+    _, folder = campaigns.run(load_programme("elevator-loss", SHORT, RUNS), tmp_path / "x", workers=2)
+    monkeypatch.undo()
+    assert pq.read_table(folder / "table.parquet").to_pylist() == _expected()
+
+
+def _dies_where_it_is_not_alone(chunk: Chunk) -> Flown:
+    if chunk.number == 1 and len(chunk.flights) > 1:
+        os._exit(1)
+    return fly_chunk(chunk)
+
+
+def test_one_worker_is_a_process_too() -> None:
+    opened: Engine = engine(1)
+    with opened() as executor:
+        assert executor is not None
+        assert executor.submit(os.getpid).result() != os.getpid()
