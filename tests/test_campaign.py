@@ -302,9 +302,9 @@ def test_a_campaign_of_flights_with_roll_and_yaw(tmp_path: Path) -> None:
     assert all(row["tracking_rms_post_p_deg_s"] > 0.0 < row["tracking_rms_pre_beta_deg"] for row in rows)
     for name in NAMES:
         assert [row[f"{name}.final"] for row in rows] == [r[f"{name}.final"] for r in campaign.rows]
-    assert campaign.histories is not None
+    (histories,) = campaign.histories.values()
     for surface, at_s, to in (("aileron", 1.0, 0.4), ("rudder", 1.5, 0.5)):
-        truth = campaign.histories.mean[f"effectiveness_{surface}_true"]
+        truth = histories.moments.mean[f"effectiveness_{surface}_true"]
         np.testing.assert_array_equal(truth, np.where(np.arange(300) >= 100 * at_s, to, 1.0))
     summary = json.loads((folder / "summary.json").read_text())
     assert set(summary["estimators"]) == set(NAMES)
