@@ -12,7 +12,9 @@ from flightbed.aircraft import Aircraft
 from flightbed.blame import watched
 from flightbed.command.base import profile
 from flightbed.control.adaptation import Adaptation
+from flightbed.control.base import Law
 from flightbed.control.design import peak_deflection
+from flightbed.control.redesign import Redesign, RedesignedPitch
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator, estimate_names
 from flightbed.lateral import LateralAxes
@@ -51,6 +53,9 @@ def _assembled(plan: Plan) -> Flight:
     names = names_of(scenario, estimators)
     adaptation = scenario.adaptation
     plant = _plant(plan, health(0), air_seed, process_seed)
+    law = law_of(scenario, design)
+    lateral = _lateral(plan, plant, names, lateral_seed) if plan.lateral else None
+    divides = adaptation.enabled and adaptation.method == "divide"
     return Flight(
         plant=plant,
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
@@ -61,16 +66,16 @@ def _assembled(plan: Plan) -> Flight:
             filter_rad_s=scenario.command.filter_rad_s,
         ),
         health=health,
-        law=law_of(scenario, design),
+        law=law,
         adaptation=Adaptation(
-            enabled=adaptation.enabled,
-            estimator=names.index(adaptation.estimator) if adaptation.enabled and not adaptation.oracle else 0,
+            enabled=divides,
+            estimator=names.index(adaptation.estimator) if divides and not adaptation.oracle else 0,
             floor=adaptation.floor,
             feedback=adaptation.feedback,
             min_rad=aircraft.actuator.min_rad,
             max_rad=aircraft.actuator.max_rad,
             caution=adaptation.caution,
-            oracle=adaptation.enabled and adaptation.oracle,
+            oracle=divides and adaptation.oracle,
             trim_rad=point.elevator_rad,
             peak_per_reference=2.0 * peak_deflection(design, plan.gains, scenario.command.filter_rad_s)
             if adaptation.limit_command and plan.gains
@@ -81,7 +86,20 @@ def _assembled(plan: Plan) -> Flight:
         floor_m=min(0.0, scenario.condition.altitude_ft * FT - _ROOM_M),
         delay_ticks=scenario.rates.delay_ticks,
         state_from=names.index(scenario.control.state_from) if scenario.control.state_from else None,
-        lateral=_lateral(plan, plant, names, lateral_seed) if plan.lateral else None,
+        redesign=None if divides or not adaptation.enabled else _redesign(scenario, law, lateral, names),
+        lateral=lateral,
+    )
+
+
+def _redesign(scenario: Scenario, law: Law, lateral: LateralAxes | None, names: Sequence[str]) -> Redesign:
+    assert isinstance(law, RedesignedPitch)
+    estimator = scenario.adaptation.estimator
+    both = [f"{estimator}.{surface}" for surface in ("aileron", "rudder")]
+    told = lateral is not None and all(name in names for name in both)
+    return Redesign(
+        (law, names.index(estimator)),
+        (lateral.law, (names.index(both[0]), names.index(both[1]))) if lateral is not None and told else None,
+        scenario.adaptation.floor,
     )
 
 
@@ -114,7 +132,7 @@ def _lateral(plan: Plan, plant: Plant, names: Sequence[str], seed: np.random.See
         name, actuator = f"{asked.estimator}.{surface}", aircraft.lateral[surface]
         corrections.append(
             Adaptation(
-                enabled=asked.enabled and (asked.oracle or name in names),
+                enabled=asked.enabled and asked.method == "divide" and (asked.oracle or name in names),
                 estimator=names.index(name) if name in names else 0,
                 floor=asked.floor,
                 feedback=asked.feedback,

@@ -58,6 +58,7 @@ ACTUATOR_FAILURES: Mapping[str, str] = MappingProxyType(
     }
 )
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
+_WEIGHTS = ("alpha_deg", "q_deg_s", "elevator_deg")
 _LATERAL_DISTURBANCES = ("beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_disturbance_deg_s2")
 _LOOP_GAIN_ONLY = ("input", "input_at", "alarm_threshold", "follow_disturbances", "hold_std")
 _TWO_STAGE_ONLY = (*_LATERAL_DISTURBANCES, "variance_min", "variance_max", "walk_std", "false_alarm")
@@ -69,7 +70,7 @@ _ESTIMATOR_IDLE: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "differentiated-rls": (
             *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PRIOR, "memory", "window", "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
         ),
-        "two-stage": (*_LOOP_GAIN_ONLY, *_PRIOR, "prior.effectiveness"),
+        "two-stage": ("input", "input_at", "alarm_threshold", "hold_std", *_PRIOR, "prior.effectiveness"),
     }
 )  # fmt: skip
 # The memories that a kind has; one that is not here has no use for the key.
@@ -110,6 +111,7 @@ def contradictions(scenario: Scenario) -> list[str]:
     control, adaptation = scenario.control, scenario.adaptation
     if control.state_from and control.state_from not in names:
         problems.append(_no_estimator("control.state_from", control.state_from, names))
+    problems += _redesign_contradictions(scenario)
     problems += _options_of_built_ins(scenario)
     if control.gains is not None and control.poles is not None:
         problems.append("control.poles: cannot go with control.gains, which are not designed; give one of them")
@@ -151,6 +153,27 @@ def _surface_contradictions(scenario: Scenario) -> list[str]:
             problems.append(
                 f"failures.{i}.surface: aileron and rudder are the stock laws' (got '{failure.surface}'); set lateral.enabled to true"
             )
+    return problems
+
+
+def _redesign_contradictions(scenario: Scenario) -> list[str]:
+    adaptation, problems = scenario.adaptation, []
+    if not (adaptation.enabled and adaptation.method == "redesign"):
+        return []
+    if scenario.control.law != "lq":
+        problems.append(
+            f"control.law: must be 'lq' with adaptation.method = 'redesign', which designs it anew (got '{scenario.control.law}')"
+        )
+    if adaptation.oracle:
+        problems.append(
+            "adaptation.oracle: cannot go with method = 'redesign', which waits for an estimator's alarm; set one of them"
+        )
+    elif adaptation.estimator in [e.name for e in scenario.estimators] and adaptation.estimator not in detectors(
+        scenario
+    ):
+        problems.append(
+            f"adaptation.estimator: must raise alarms with method = 'redesign' (got '{adaptation.estimator}', which has no such test)"
+        )
     return problems
 
 
@@ -220,10 +243,17 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
     if scenario.control.law == "proportional":
         keys |= {f"control.{key}": "control.law = 'proportional'" for key in ("integral_pole_rad_s", "gains.integral")}
     if not adaptation.enabled:
-        idle = ("estimator", "floor", "feedback", "caution", "oracle", "limit_command")
+        idle = ("estimator", "method", "floor", "feedback", "caution", "oracle", "limit_command")
         keys |= {f"adaptation.{key}": "adaptation.enabled = false" for key in idle}
+    elif adaptation.method == "redesign":
+        unused = ("feedback", "caution", "limit_command")
+        keys |= {f"adaptation.{key}": "adaptation.method = 'redesign'" for key in unused}
     elif adaptation.oracle:
         keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
+    if scenario.control.law != "lq" and registry.is_built_in("laws", scenario.control.law):
+        keys |= {f"control.weights.{key}": f"control.law = '{scenario.control.law}'" for key in _WEIGHTS}
+    if scenario.control.law == "lq":
+        keys |= {f"control.{key}": "control.law = 'lq'" for key in ("poles", "gains", "integral_pole_rad_s")}
     for i, failure in enumerate(scenario.failures):
         if failure.kind not in _FAILURE_NEEDS:  # other packages' may use any key
             continue

@@ -19,6 +19,7 @@ from flightbed.control.base import Gains, Law
 from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
+from flightbed.control.redesign import PitchWeights, RedesignedPitch, pitch_lq
 from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
@@ -138,6 +139,21 @@ def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: 
     )
 
 
+def lq(settings: s.Control, design: ShortPeriod, control_hz: int) -> Law:
+    """Proportional law with gains that are optimal for quadratic weights, designed anew for K-hat where adaptation asks for it."""
+    return RedesignedPitch(design, _pitch_weights(settings), control_hz=control_hz)
+
+
+def lq_gains(settings: s.Control, design: ShortPeriod, control_hz: int, effectiveness: float) -> Gains:
+    """Return the gains that the law lq has for a K."""
+    return pitch_lq(design, _pitch_weights(settings), control_hz=control_hz, effectiveness=effectiveness)
+
+
+def _pitch_weights(settings: s.Control) -> PitchWeights:
+    weights = settings.weights
+    return PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG)
+
+
 def effectiveness(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
     """Keep the share `to` of the deflection's effect from the first tick at or after at_s."""
     return weakened(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
@@ -244,6 +260,7 @@ def two_stage(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator | Su
         smoothing=settings.smoothing,
         bounds=(settings.bounds[0], settings.bounds[1]),
         prior_std=settings.prior.effectiveness_std,
+        follow_disturbances=settings.follow_disturbances,
         scheduled=settings.model == "scheduled",
         disturbances=(
             settings.alpha_disturbance_deg_s * DEG,

@@ -178,6 +178,7 @@ def _is_ours(flight: Flight) -> bool:
     """Tell whether all that is called at a tick is of exactly these types: one that is derived from them may do something else."""
     return (
         flight.lateral is None
+        and flight.redesign is None
         and type(flight.sensors) is Sensors
         and type(flight.adaptation) is Adaptation
         and type(flight.law) in (Proportional, ProportionalIntegral)

@@ -39,10 +39,11 @@ class LateralDirectional:
     actuators_rad_s: tuple[float, float]
     tables: LateralTables
 
-    def with_actuators(self) -> tuple[Matrix, Matrix]:
-        """Return A (5, 5) and B (5, 2) of (beta, p, r, aileron, rudder), the inputs commands."""
+    def with_actuators(self, effectiveness: tuple[float, float] = (1.0, 1.0)) -> tuple[Matrix, Matrix]:
+        """Return A (5, 5) and B (5, 2) of (beta, p, r, aileron, rudder), the inputs commands, with so much of the surfaces left."""
         lag = np.diag(self.actuators_rad_s)
-        return np.block([[self.A, self.B], [np.zeros((2, 3)), -lag]]), np.vstack([np.zeros((3, 2)), lag])
+        A = np.block([[self.A, self.B * effectiveness], [np.zeros((2, 3)), -lag]])
+        return A, np.vstack([np.zeros((3, 2)), lag])
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +52,8 @@ class LateralTables:
 
     Attributes:
         mach: (M,) nodes; alpha_rad: (N,).
-        coefficients: (M, N, 3, 5): rows beta', p', r'; columns beta, p, r, aileron, rudder; per unit of dynamic pressure, what depends on the
-            airspeed taken out: the first row times V, the columns of p and r times V once more. Kinematics are left out.
+        coefficients: (M, N, 3, 5): rows beta', p', r'; columns beta, p, r, aileron, rudder; per unit of dynamic pressure, and what depends
+            on the airspeed taken out: the first row times V, the columns of p and r times V once more. Kinematics are left out.
         coupling: (3, 2): what p q and q r add to p' and r' (rows 0, 1), and p r and p^2 - r^2 to q' (row 2).
 
     """

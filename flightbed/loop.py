@@ -10,6 +10,7 @@ from math import inf, isfinite
 from flightbed.command.base import Profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
+from flightbed.control.redesign import Redesign
 from flightbed.errors import EstimateError
 from flightbed.estimation.base import Estimator, SurfacesEstimator, estimate_names
 from flightbed.failures.base import Failing
@@ -40,6 +41,7 @@ class Flight:
     floor_m: float = -inf  # altitude at which the flight ends in the ground
     delay_ticks: int = 0  # between a command and the actuator
     state_from: int | None = None  # index of the estimate whose alpha and q the law is fed; None for the readings
+    redesign: Redesign | None = None  # of the laws, instead of the correction by 1/K
     lateral: LateralAxes | None = None  # None leaves roll and yaw to the plant
 
     @property
@@ -81,7 +83,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
     sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
     believed_of, feedback_of, health_at = adaptation.believed, adaptation.position_feedback, flight.health
     reference_of, command_of = adaptation.reference, adaptation.command
-    axes = flight.lateral
+    axes, redesign = flight.lateral, flight.redesign
     tellers = [_teller(estimator) for estimator in flight.estimators] if axes is not None else []
     updates = [e.update for e in flight.estimators if not isinstance(e, SurfacesEstimator)] if axes is None else []
     only = updates[0] if len(updates) == 1 else None
@@ -109,6 +111,8 @@ def fly(flight: Flight) -> Iterator[Sample]:
         else:
             estimates = (only(measurement),) if only else tuple([update(measurement) for update in updates])
 
+        if redesign is not None:
+            redesign.consider(estimates)
         if oracle:  # told by the scenario; no estimator is
             believed = believed_of(health.effectiveness)
         elif estimates:

@@ -28,6 +28,7 @@ from flightbed.linear_aircraft import LinearAircraft
 from flightbed.live import Live
 from flightbed.loop import Flight
 from flightbed.loop import fly as _fly
+from flightbed.margins import lateral_margin
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
 from flightbed.pacing import Clock, paced, punctuality, with_timings
 from flightbed.plan import Plan, plan
@@ -100,11 +101,12 @@ def run(
         if live is not None:
             live.start(Shown.of(planned, readings=_readings(flight, scenario)))
         ready()
+        margins = _margins(planned, flight)  # of the laws as they are before the flight
         began = time.perf_counter()
         trace = _collected(flight, scenario, pace, live)
         wall = time.perf_counter() - began
         trace, metrics = _measured(planned, flight, trace)
-        result = Result(planned, trace, metrics, _summary(planned, trace, metrics, wall))
+        result = Result(planned, trace, metrics, {**_summary(planned, trace, metrics, wall), "margins": margins})
         if target is not None:
             result = dataclasses.replace(
                 result, folder=write_run(result, target, rerun=rerun, report=report, replace=replace)
@@ -150,7 +152,7 @@ def _measured(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]
         raise ExtensionError(
             f"failures: what is left of the aircraft is no number from {at_s:g} s on; give finite values"
         )
-    trace = _with_bound(plan, trace)
+    trace = _with_margins(plan, _with_bound(plan, trace))
     trace = with_excitation(trace, m_delta=float(plan.design.b[1]), control_hz=plan.scenario.rates.control_hz)
     failed_at_s = _failed_at_s(plan.scenario, trace)
     readings = _readings(flight, plan.scenario)
@@ -187,10 +189,38 @@ def _with_bound(plan: Plan, trace: Trace) -> Trace:
     return trace.with_column("effectiveness_bound", bound(trace, models, sensor_noise(plan.scenario), window=window))
 
 
+def _with_margins(plan: Plan, trace: Trace) -> Trace:
+    """Add between which true K the pitch loop is stable while the law believes what it does."""
+    if plan.margins is None:
+        return trace
+    adaptation = plan.scenario.adaptation
+    believed = np.ones(len(trace))
+    if adaptation.enabled:
+        told = (
+            trace["effectiveness_true"]
+            if adaptation.oracle
+            else trace[f"{adaptation.estimator}.effectiveness_smoothed"]
+        )
+        believed = np.maximum(told, adaptation.floor)
+    low, high = plan.margins.at(believed)
+    return trace.with_column("effectiveness_stable_min", low).with_column("effectiveness_stable_max", high)
+
+
 def first_failure_s(scenario: Scenario) -> float | None:
     """Return the time of the tick at which the first failure acts, or None."""
     ticks = [factories.failure_tick(failure, scenario.rates.control_hz) for failure in scenario.failures]
     return min(ticks) / scenario.rates.control_hz if ticks else None
+
+
+def _margins(plan: Plan, flight: Flight) -> dict[str, Any]:
+    """Return of the healthy loops between which K of the elevator they are stable, and how far those of aileron and rudder may be off."""
+    found: dict[str, Any] = {}
+    if plan.margins is not None:
+        found["elevator"] = [float(end[0]) for end in plan.margins.at(np.ones(1))]
+    if plan.lateral is not None and flight.lateral is not None:
+        hz = plan.scenario.rates.control_hz
+        found["aileron_and_rudder"] = lateral_margin(flight.lateral.law, plan.lateral, control_hz=hz)
+    return found
 
 
 def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[str, Any]:

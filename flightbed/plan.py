@@ -11,9 +11,11 @@ from flightbed.aircraft import Actuator, Aircraft, load_path
 from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law
 from flightbed.errors import AircraftError, DesignError, NoTrimError, ScenarioError
+from flightbed.factories import lq_gains
 from flightbed.lateral_directional import LateralDirectional, lateral_directional
 from flightbed.linear_aircraft import LinearAircraft, load_flyable
 from flightbed.linearize import linearize
+from flightbed.margins import Margins, pitch_margins
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario import Scenario
@@ -37,6 +39,7 @@ class Plan:
     gains: Gains | None  # None for a law that does not tell
     schedule: Schedule | None  # None if no estimator asks for it
     lateral: LateralDirectional | None = None  # None if roll and yaw are left to the stock laws
+    margins: Margins | None = None  # of the pitch loop; None for a law that does not tell its gains
 
     @property
     def actuators(self) -> Mapping[str, Actuator]:
@@ -88,7 +91,20 @@ def plan(scenario: Scenario) -> Plan:
         raise DesignError(
             f"adaptation.limit_command: the law '{scenario.control.law}' does not tell its gains, set it to false"
         )
-    return Plan(scenario, aircraft, point, design, gains, schedule, turning)
+    margins = None if gains is None else _margins(scenario, design, gains)
+    return Plan(scenario, aircraft, point, design, gains, schedule, turning, margins)
+
+
+def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:
+    adaptation, hz = scenario.adaptation, scenario.rates.control_hz
+    anew = adaptation.enabled and adaptation.method == "redesign"
+    return pitch_margins(
+        design,
+        (lambda K: lq_gains(scenario.control, design, hz, K)) if anew else lambda _K: gains,
+        control_hz=hz,
+        corrected=adaptation.enabled and not anew,
+        effective=adaptation.enabled and not anew and adaptation.feedback == "effective",
+    )
 
 
 def law_of(scenario: Scenario, design: ShortPeriod) -> Law:

@@ -33,7 +33,7 @@ _BUILT_IN = MappingProxyType(
             "constant": "constant",
             "none": "none",
         },
-        "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral"},
+        "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral", "lq": "lq"},
         "failures": {
             "effectiveness": "effectiveness",
             "ramp": "ramp",
@@ -46,7 +46,10 @@ _BUILT_IN = MappingProxyType(
             "bias": "bias",
         },
         "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls", "two-stage": "two_stage"},
-        "studies": {"sillence": "flightbed.studies.sillence.study:sillence"},
+        "studies": {
+            "sillence": "flightbed.studies.sillence.study:sillence",
+            "wu": "flightbed.studies.wu.study:wu",
+        },
     }
 )
 

@@ -46,7 +46,11 @@ def _assert_equal(one: Trace, other: Trace) -> None:
 
 @pytest.mark.parametrize("name", [*data.names("scenario")])
 def test_shipped_scenarios_are_the_same_both_ways(name: str) -> None:
-    _assert_equal(*_both(name))
+    scenario = load_scenario(name)
+    if scenario.lateral.enabled or scenario.control.law == "lq":
+        assert rows_of(assemble(plan(scenario))) is None
+    else:
+        _assert_equal(*_both(name))
 
 
 @pytest.mark.parametrize(

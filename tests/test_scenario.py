@@ -93,7 +93,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("estimators.0.bounds=[0,1,2]", "--set estimators.0.bounds: must have 2 values (got [0, 1, 2])"),
         ("estimators.1.name=scheduled", f"{FILE}: estimators.1.name: must be unique (got 'scheduled' twice)"),
         ("adaptation.estimator=schedule", f"{FILE}: adaptation.estimator: no estimator is named 'schedule'; did you mean scheduled?; there is: scheduled, expanding"),
-        ("control.law=pid", "--set control.law: unknown law; known: proportional, proportional-integral (got 'pid')"),
+        ("control.law=pid", "--set control.law: unknown law; known: lq, proportional, proportional-integral (got 'pid')"),
         ("command.kind=dublet", "--set command.kind: unknown command; did you mean doublet?; known: 3-2-1-1, chirp, constant, dither, doublet, multisine, none, random (got 'dublet')"),
         ("atmosphere.turbulence=heavy", "--set atmosphere.turbulence: must be 'none', 'light', 'moderate' or 'severe' (got 'heavy')"),
         ("failures=3", "--set failures: must be a list (got 3)"),

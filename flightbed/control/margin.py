@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.control.lq import spectral_radius
+from flightbed.errors import DesignError
 
 Array = npt.NDArray[np.float64]
 
@@ -112,6 +113,9 @@ def stability_margin(
         limit: largest eps that is looked at.
         tolerance: relative, between ``smallest`` and ``largest``.
 
+    Raises:
+        DesignError: the mapping theorem does not prove the margin to this tolerance, however the box is divided.
+
     """
     w = np.ones(len(gamma)) if weights is None else np.asarray(weights, dtype=np.float64)
     M0 = A - B @ ((1.0 + gamma)[:, None] * F)
@@ -176,7 +180,7 @@ def _search(M0: Array, E: Array, limit: float) -> tuple[float, Array]:
 def _prove(M0: Array, E: Array, eps: float, finest: float) -> Array | None:
     """Prove that the box of half width eps is stable and return None, or return a point of it that is not.
 
-    Raises ArithmeticError if parts as small as ``finest`` still do not decide.
+    Raises DesignError if parts as small as ``finest`` still do not decide.
     """
     inputs = len(E)
     corners = np.array(list(product((-1.0, 1.0), repeat=inputs)))
@@ -192,8 +196,9 @@ def _prove(M0: Array, E: Array, eps: float, finest: float) -> Array | None:
             continue
         widest = int(np.argmax(half))
         if half[widest] < finest:
-            raise ArithmeticError(
-                f"stability margin: undecided at {center.tolist()}, box of half width {half[widest]:g}"
+            place = ", ".join(f"{x:.4g}" for x in center)
+            raise DesignError(
+                f"stability margin: not proved around ({place}) from the estimate; ask for a larger tolerance"
             )
         half = half.copy()
         half[widest] *= 0.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import exp
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,7 @@ from flightbed.short_period import zero_order_hold
 from flightbed.signals import LateralMeasurement
 
 Array = npt.NDArray[np.float64]
+_BUMP_S = 0.2  # in which the step fades that new gains would make, see ``redesign``
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,8 @@ class RollYaw:
     Attributes:
         F: (2, 5).
         N: (2, 2).
-        closed_loop: (5, 5), of (beta, p, r, aileron, rudder) over a tick, healthy.
+        closed_loop: (5, 5), of (beta, p, r, aileron, rudder) over a tick.
+        effectiveness: K of aileron and rudder that it is designed for.
 
     Raises:
         DesignError: the surfaces do not control the model.
@@ -49,21 +52,36 @@ class RollYaw:
     """
 
     def __init__(self, design: LateralDirectional, weights: RollYawWeights, *, control_hz: int) -> None:
-        A5, B5 = design.with_actuators()
-        A, B = zero_order_hold(A5, B5, 1.0 / control_hz)
         w = weights
-        Q = np.diag([w.beta_rad**-2, w.p_rad_s**-2, w.r_rad_s**-2, 0.0, 0.0])
-        self.F: Array = lq_gain(A, B, Q, np.diag([w.aileron_rad**-2, w.rudder_rad**-2]))
-        self.closed_loop: Array = A - B @ self.F
+        self._design, self._hz = design, control_hz
+        self._Q = np.diag([w.beta_rad**-2, w.p_rad_s**-2, w.r_rad_s**-2, 0.0, 0.0])
+        self._R = np.diag([w.aileron_rad**-2, w.rudder_rad**-2])
+        self._keep = exp(-1.0 / (_BUMP_S * control_hz))
+        self._bump, self._last, self._is_new = [0.0, 0.0], (0.0, 0.0), False
+        self._solve((1.0, 1.0))
+
+    def _solve(self, effectiveness: tuple[float, float]) -> None:
+        A5, B5 = self._design.with_actuators(effectiveness)
+        A, B = zero_order_hold(A5, B5, 1.0 / self._hz)
+        F = lq_gain(A, B, self._Q, self._R)
+        closed_loop = A - B @ F
         followed = np.zeros((2, 5))
         followed[0, 1] = followed[1, 0] = 1.0
-        dc = followed @ np.linalg.solve(np.eye(5) - self.closed_loop, B)
+        dc = followed @ np.linalg.solve(np.eye(5) - closed_loop, B)
         if np.linalg.cond(dc) > 1e9:
             raise DesignError(
                 "roll and yaw: aileron and rudder do not set roll rate and sideslip independently; there is no such law"
             )
+        self.F: Array = F
         self.N: Array = np.linalg.inv(dc)
+        self.closed_loop: Array = closed_loop
+        self.effectiveness = effectiveness
         self._F, self._N = self.F.tolist(), self.N.tolist()
+
+    def redesign(self, effectiveness: tuple[float, float]) -> None:
+        """Design for other K of aileron and rudder, from the next demand on; the demand is then the command. Raises DesignError."""
+        self._solve(effectiveness)
+        self._is_new = True
 
     def demand(
         self,
@@ -89,4 +107,9 @@ class RollYaw:
             - (f[0] * beta + f[1] * p + f[2] * r + f[3] * aileron_rad + f[4] * rudder_rad)
             for n, f in zip(self._N, self._F, strict=True)
         ]
-        return found[0], found[1]
+        bump = self._bump
+        bump[0], bump[1] = bump[0] * self._keep, bump[1] * self._keep
+        if self._is_new:
+            bump[0], bump[1], self._is_new = self._last[0] - found[0], self._last[1] - found[1], False
+        self._last = found[0] + bump[0], found[1] + bump[1]
+        return self._last

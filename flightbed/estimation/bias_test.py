@@ -94,7 +94,8 @@ def calibrated_threshold(largest: Sequence[float] | Array, false_alarm: float) -
     below, above = (int(binom.ppf(p, n, 1.0 - false_alarm)) for p in (0.025, 0.975))
     low = float(data[below - 1]) if below > 0 else 0.0
     high = float(data[above]) if above < n else np.inf
-    return Calibrated(float(np.quantile(data, 1.0 - false_alarm)), low, high, n)
+    # The order statistic (n + 1) p, which on the average is exceeded as often as asked (Weibull's plotting position).
+    return Calibrated(float(np.quantile(data, 1.0 - false_alarm, method="weibull")), low, high, n)
 
 
 @dataclass(frozen=True)

@@ -5,20 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
-from flightbed.compiling import Array
+from flightbed.compiling import Array, compiled
 from flightbed.estimation import pitch_model, surfaces_model
 from flightbed.estimation.base import OnBoard
-from flightbed.estimation.bias_test import BiasTest, BiasTestConfig, chi_square_threshold
-from flightbed.estimation.two_stage import (
-    Forgetting,
-    TwoStageConfig,
-    TwoStageEstimate,
-    TwoStageFilter,
-    VariableForgetting,
-)
+from flightbed.estimation.bias_test import chi_square_threshold
+from flightbed.estimation.two_stage import Forgetting, correct, predict
 from flightbed.signals import SURFACES, Estimate, LateralMeasurement, Measurement
 from flightbed.units import DEG
 
@@ -35,21 +30,140 @@ class SurfacesConfig:
             law holds.
         smoothing, bounds: as in LoopGainConfig.
         prior_std: standard deviation of gamma at the start.
+        follow_disturbances: raise the process noise to what the readings show.
         scheduled: pitch axis on the schedule, else on the short period; flights with aileron and rudder are on tables always.
         disturbances: standard deviations of what the model does not tell, white, each held for a tick: rates of alpha (rad/s), q (rad/s^2),
             beta, p, r.
 
     """
 
-    forgetting: Forgetting = VariableForgetting(4e-4, 1.0)
-    walk_std: float = 1e-3
+    forgetting: Forgetting
+    walk_std: float = 1e-4
     test_window: int = 3
-    false_alarm: float = 1e-4
+    false_alarm: float = 1e-6
     smoothing: float = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
     prior_std: float = 0.63
+    follow_disturbances: bool = True
     scheduled: bool = True
     disturbances: tuple[float, float, float, float, float] = (0.05 * DEG, 0.3 * DEG, 0.05 * DEG, 1.0 * DEG, 0.3 * DEG)
+
+
+class _State(NamedTuple):
+    """What a filter of n states and l inputs remembers; all arrays, changed in place.
+
+    Attributes:
+        x, V, Px, gamma, Pg: of the two stages, (n,), (n, l), (n, n), (l,), (l, l).
+        sums, squares, last: leaky sums of residuals, their mean squares, last readings, (n,) each.
+        smoothed, raised, alarms: K-hat smoothed, whether the test is above its threshold, alarms so far, (l,) each.
+        terms: (L, l), what the test averages.
+
+    """
+
+    x: Array
+    V: Array
+    Px: Array
+    gamma: Array
+    Pg: Array
+    sums: Array
+    squares: Array
+    last: Array
+    smoothed: Array
+    raised: Array
+    alarms: Array
+    terms: Array
+
+
+class _Settings(NamedTuple):
+    """What it believes: covariances (n, n), (l, l), (n, n); forgetting; (threshold, smoothing, low, high, follows disturbances)."""
+
+    Q: Array
+    Q_gamma: Array
+    R: Array
+    forgetting: Array
+    scalars: Array
+
+
+_LEAK = 1.0 - 1.0 / 15.0
+
+
+@compiled
+def _disturbances(
+    state: _State, settings: _Settings, A: Array, B: Array, c: Array, u: Array, z: Array, k: int
+) -> Array:
+    """Return what the readings show of disturbances, variances (n,) to add to Q, so that sigma and test hold in rough air too.
+
+    The residual of one step from reading to reading, e = z - (A z_last + B K u + c), sums up the disturbances; in a leaky sum over some
+    15 ticks the sensors' noise, which enters as differences, all but cancels, and gusts that last add up. Its mean square over the last
+    seconds, less what the sensors explain, is the white noise that would do the same. As ``kernels.disturbance``, for n states.
+    """
+    slow = max(1.0 / 300.0, 1.0 / (k + 20.0))
+    found = np.zeros(z.size)
+    for i in range(z.size):
+        told = c[i]
+        for j in range(z.size):
+            told += A[i, j] * state.last[j]
+        for j in range(u.size):
+            told += B[i, j] * state.smoothed[j] * u[j]
+        r = settings.R[i, i]
+        state.sums[i] = _LEAK * state.sums[i] + z[i] - told
+        seen = min(state.sums[i] ** 2, 4.0 * (state.squares[i] + r))
+        state.squares[i] += slow * (seen - state.squares[i])
+        found[i] = max(0.0, (1.0 - _LEAK * _LEAK) * (state.squares[i] - 1.6 * r))
+    return found
+
+
+@compiled
+def advance(
+    state: _State, settings: _Settings, A: Array, B: Array, c: Array, u: Array, z: Array, offset: float, k: int
+) -> Array:
+    """Take the readings of tick k; returns (l, 12), a row of the fields of an Estimate for every input.
+
+    Args:
+        state, settings: of the filter.
+        A, B, c: model of the period that ends now, (n, n), (n, l), (n,).
+        u: (l,) mean deflections over it.
+        z: (n,) readings of all states.
+        offset: what is added to the first state where it is returned.
+        k: number of the tick; 0 starts all anew.
+
+    """
+    n, inputs = z.size, u.size
+    threshold, keep, low, high = settings.scalars[0], settings.scalars[1], settings.scalars[2], settings.scalars[3]
+    innovation, S, nis = np.zeros(n), np.zeros((n, n)), 0.0
+    if k == 0:
+        state.x[:], state.V[:, :], state.Px[:, :] = z, 0.0, settings.R
+    else:
+        Q = settings.Q.copy()
+        if settings.scalars[4] > 0.0:
+            more = _disturbances(state, settings, A, B, c, u, z, k)
+            for i in range(n):
+                Q[i, i] += more[i]
+        x, V, Px, Pg = predict(
+            state.x, state.V, state.Px, state.gamma, state.Pg, A, B, u, c, Q, settings.Q_gamma, settings.forgetting
+        )
+        x, V, Px, gamma, Pg, innovation, S, nis = correct(x, V, Px, state.gamma, Pg, np.eye(n), settings.R, z)
+        state.x[:], state.V[:, :], state.Px[:, :], state.gamma[:], state.Pg[:, :] = x, V, Px, gamma, Pg
+    state.last[:] = z
+    L = state.terms.shape[0]
+    told = np.zeros((inputs, 12))
+    compensated = state.x + state.V @ state.gamma
+    for i in range(inputs):
+        state.terms[k % L, i] = state.gamma[i] ** 2 / state.Pg[i, i]
+        above = 1.0 if np.mean(state.terms[:, i]) > threshold else 0.0
+        if above > state.raised[i]:
+            state.alarms[i] += 1.0
+            state.sums[:] = 0.0  # what they hold is the change of K, not the air
+        state.raised[i] = above
+        raw = 1.0 + state.gamma[i]
+        bounded = min(max(raw, low), high)
+        state.smoothed[i] = keep * state.smoothed[i] + (1.0 - keep) * bounded
+        told[i, 0], told[i, 1], told[i, 2], told[i, 3] = bounded, sqrt(state.Pg[i, i]), state.smoothed[i], raw
+        told[i, 4], told[i, 5], told[i, 6] = compensated[0] + offset, compensated[1], nis
+        told[i, 8], told[i, 9], told[i, 10], told[i, 11] = innovation[0], innovation[1], sqrt(S[0, 0]), sqrt(S[1, 1])
+    for i in range(inputs):
+        told[i, 7] = state.alarms[i]
+    return told
 
 
 class _Filter:
@@ -58,58 +172,47 @@ class _Filter:
     def __init__(self, config: SurfacesConfig, noise: Array, b: Array, dt: float) -> None:
         n, inputs = len(noise), b.shape[1]
         disturbed = np.array(config.disturbances[:n]) * dt
-        self._config, self._C = config, np.eye(n)
-        # An error of a measured deflection moves the prediction by at most b (K = 1): taken as process noise.
-        self._matrices = {
-            "Q": np.diag(disturbed**2) + b @ b.T,
-            "R": np.diag(noise**2),
-            "Q_gamma": config.walk_std**2 * np.eye(inputs),
-            "gamma": np.zeros(inputs),
-            "gamma_covariance": config.prior_std**2 * np.eye(inputs),
-        }
+        R = np.diag(noise**2)
         threshold = chi_square_threshold(config.test_window, config.false_alarm)
-        self._test = BiasTest(BiasTestConfig(config.test_window, (threshold,) * inputs))
-        self.smoothed, self._raised = [1.0] * inputs, [False] * inputs
-        self._alarms = [0.0] * inputs
-        self._filter: TwoStageFilter | None = None
-        # Compile, or load what was compiled, now and not in flight.
-        trial = self._begun(np.zeros(n))
-        trial.step(np.eye(n), np.zeros((n, inputs)), self._C, np.zeros(inputs), np.zeros(n), np.zeros(n))
-
-    def _begun(self, readings: Array) -> TwoStageFilter:
-        return TwoStageFilter(
-            TwoStageConfig(
-                state=readings,
-                state_covariance=self._matrices["R"].copy(),
-                forgetting=self._config.forgetting,
-                **self._matrices,
-            )
+        # An error of a measured deflection moves the prediction by at most b (K = 1): taken as process noise.
+        self._settings = _Settings(
+            Q=np.diag(disturbed**2) + b @ b.T,
+            Q_gamma=config.walk_std**2 * np.eye(inputs),
+            R=R,
+            forgetting=config.forgetting.packed(),
+            scalars=np.array([threshold, config.smoothing, *config.bounds, float(config.follow_disturbances)]),
         )
+        self._state = self._fresh(n, inputs, config)
+        self._k = 0
+        # Compile, or load what was compiled, now and not in flight.
+        trial, still = self._fresh(n, inputs, config), np.zeros(n)
+        for k in (0, 1):
+            advance(trial, self._settings, np.eye(n), np.zeros((n, inputs)), still, np.zeros(inputs), still, 0.0, k)
+
+    def _fresh(self, n: int, inputs: int, config: SurfacesConfig) -> _State:
+        R = self._settings.R
+        return _State(
+            np.zeros(n), np.zeros((n, inputs)), R.copy(), np.zeros(inputs), config.prior_std**2 * np.eye(inputs),
+            np.zeros(n), np.diag(R).copy(), np.zeros(n),
+            np.ones(inputs), np.zeros(inputs), np.zeros(inputs), np.zeros((config.test_window, inputs)),
+        )  # fmt: skip
+
+    @property
+    def smoothed(self) -> float:
+        """Smoothed K-hat of the elevator."""
+        return float(self._state.smoothed[0])
 
     def take(self, readings: Array, A: Array, B: Array, c: Array, u: Array, offset: float) -> list[Estimate]:
         """Return the estimates of all inputs at the next tick; ``offset`` is added to alpha."""
-        if self._filter is None:
-            self._filter = self._begun(readings)
-            found = self._filter.estimate
-        else:
-            found = self._filter.step(A, B, self._C, u, readings, c)
-        tested = self._test.update(found.gamma, found.gamma_covariance)
-        return [self._told(found, i, bool(tested.raised[i]), offset) for i in range(len(found.gamma))]
+        told = advance(self._state, self._settings, A, B, c, u, readings, offset, self._k)
+        self._k += 1
+        return [Estimate(*row) for row in told.tolist()]
 
-    def _told(self, found: TwoStageEstimate, i: int, raised: bool, offset: float) -> Estimate:
-        low, high = self._config.bounds
-        raw = 1.0 + float(found.gamma[i])
-        bounded, keep = min(max(raw, low), high), self._config.smoothing
-        if raised and not self._raised[i]:
-            self._alarms[i] += 1.0
-        self._raised[i] = raised
-        self.smoothed[i] = keep * self.smoothed[i] + (1.0 - keep) * bounded
-        e, S = found.innovation, found.innovation_covariance
-        return Estimate(
-            bounded, sqrt(float(found.gamma_covariance[i, i])), self.smoothed[i], raw,
-            float(found.state[0]) + offset, float(found.state[1]), found.nis, self._alarms[i],
-            float(e[0]), float(e[1]), sqrt(float(S[0, 0])), sqrt(float(S[1, 1])),
-        )  # fmt: skip
+
+def _parts(model: Array, n: int, inputs: int) -> tuple[Array, Array, Array]:
+    """Return A, B and c of [A | B | c]."""
+    rows = model[:n]
+    return rows[:, :n].copy(), rows[:, n : n + inputs].copy(), rows[:, n + inputs].copy()
 
 
 class TwoStagePitch:
@@ -149,13 +252,13 @@ class TwoStagePitch:
         if self._schedule is not None and self._last is not None:
             then = self._last
             pitch_model.local_model(
-                self._schedule, model, self._work, self._filter.smoothed[0], self._dt, then.alpha_rad, then.q_rad_s,
+                self._schedule, model, self._work, self._filter.smoothed, self._dt, then.alpha_rad, then.q_rad_s,
                 m.elevator_mean_rad, then.mach, then.altitude_m, then.theta_rad, then.phi_rad, 0.0,
             )  # fmt: skip
         self._last = m
         readings = np.array([m.alpha_rad - self._alpha_trim, m.q_rad_s])
         u = np.array([m.elevator_mean_rad])
-        return self._filter.take(readings, model[:, :2], model[:, 2:3], model[:, 3], u, self._alpha_trim)[0]
+        return self._filter.take(readings, *_parts(model, 2, 1), u, self._alpha_trim)[0]
 
 
 class TwoStageSurfaces:
@@ -198,11 +301,11 @@ class TwoStageSurfaces:
         if self._last is not None:
             then, turned = self._last
             surfaces_model.local_model(
-                self._schedule, self._tables, work, self._filter.smoothed[0], self._dt, m.elevator_mean_rad,
+                self._schedule, self._tables, work, self._filter.smoothed, self._dt, m.elevator_mean_rad,
                 then.alpha_rad, then.q_rad_s, then.mach, then.altitude_m, then.theta_rad, then.phi_rad,
                 turned.beta_rad, turned.p_rad_s, turned.r_rad_s,
             )  # fmt: skip
         self._last = m, turning
         readings = np.array([m.alpha_rad, m.q_rad_s, turning.beta_rad, turning.p_rad_s, turning.r_rad_s])
         u = np.array([m.elevator_mean_rad, turning.aileron_mean_rad, turning.rudder_mean_rad])
-        return self._filter.take(readings, work[:5, :5], work[:5, 5:8], work[:5, 8], u, 0.0)
+        return self._filter.take(readings, *_parts(work, 5, 3), u, 0.0)

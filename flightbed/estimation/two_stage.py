@@ -251,19 +251,21 @@ class TwoStageFilter:
         self._gamma, self._Pg = _matrix(config.gamma), _matrix(config.gamma_covariance)
         self._innovation, self._S, self._nis = np.zeros(m), np.zeros((m, m)), 0.0
 
-    def predict(self, A: Array, B: Array, u: Array, drift: Array | None = None) -> None:
+    def predict(self, A: Array, B: Array, u: Array, drift: Array | None = None, Q: Array | None = None) -> None:
         """Advance over a sample.
 
         Args:
             A, B: (n, n) and (n, l), over the sample.
             u: (l,), the inputs over it.
             drift: (n,), the known affine term c; none if None.
+            Q: (n, n), covariance of the process noise over this sample; that of the configuration if None.
 
         """
+        Qx = self._Q if Q is None else _matrix(Q)
         c = self._still if drift is None else _matrix(drift)
         self._x, self._V, self._Px, self._Pg = predict(
             self._x, self._V, self._Px, self._gamma, self._Pg, _matrix(A), _matrix(B), _matrix(u), c,
-            self._Q, self._Q_gamma, self._forgetting,
+            Qx, self._Q_gamma, self._forgetting,
         )  # fmt: skip
 
     def correct(self, C: Array, y: Array) -> TwoStageEstimate:
@@ -273,9 +275,11 @@ class TwoStageFilter:
         )
         return self.estimate
 
-    def step(self, A: Array, B: Array, C: Array, u: Array, y: Array, drift: Array | None = None) -> TwoStageEstimate:
+    def step(
+        self, A: Array, B: Array, C: Array, u: Array, y: Array, drift: Array | None = None, Q: Array | None = None
+    ) -> TwoStageEstimate:
         """Predict over a sample with inputs u and correct by the readings y at its end; arguments as of the two."""
-        self.predict(A, B, u, drift)
+        self.predict(A, B, u, drift, Q)
         return self.correct(C, y)
 
     @property

@@ -186,6 +186,14 @@ class GainSettings(Settings):
     integral: float = 0.0
 
 
+class PitchWeights(Settings):
+    """Of the law lq, by Bryson's rule: how much of each is as bad as that much of the others."""
+
+    alpha_deg: Positive = 3.0
+    q_deg_s: Positive = 3.0
+    elevator_deg: Positive = 3.0
+
+
 class Control(OwnSettings):
     """The law; without poles and gains, near the poles of Sillence's Table 3 (see docs/control.md).
 
@@ -196,6 +204,7 @@ class Control(OwnSettings):
     poles: tuple[tuple[float, float], ...] | None = None
     integral_pole_rad_s: Annotated[float, between(-100.0, -1e-6)] = -0.5
     gains: GainSettings | None = None
+    weights: PitchWeights = PitchWeights()
     state_from: str = ""
 
     @model_validator(mode="after")
@@ -208,9 +217,13 @@ class Control(OwnSettings):
 
 
 class Adaptation(Settings):
-    """Correction by 1/K-hat, from one of the estimators; the oracle is told the true K, for studies."""
+    """Correction by 1/K-hat, from one of the estimators; the oracle is told the true K, for studies.
+
+    With method = "redesign" the laws, which must be lq, are designed anew for K-hat instead, once its estimator has confirmed a change.
+    """
 
     enabled: bool = False
+    method: Literal["divide", "redesign"] = "divide"
     estimator: str = ""
     floor: Annotated[float, between(0, 1, open_low=True)] = 0.08
     feedback: Literal["effective", "position"] = "effective"
@@ -272,10 +285,10 @@ class EstimatorSettings(OwnSettings):
     beta_disturbance_deg_s: NonNegative = 0.05
     p_disturbance_deg_s2: NonNegative = 1.0
     r_disturbance_deg_s2: NonNegative = 0.3
-    variance_min: Positive = 4e-4
+    variance_min: Positive = 2e-5
     variance_max: Positive = 1.0
-    walk_std: NonNegative = 1e-3
-    false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-4
+    walk_std: NonNegative = 1e-4
+    false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-6
     prior: Prior = Prior()
 
     @model_validator(mode="before")

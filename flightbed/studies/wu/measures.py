@@ -32,6 +32,7 @@ class Measured(NamedTuple):
         largest: largest state, from the first change on.
         before: largest d of either input before the first change, or in the whole run without one.
         statistic: (N,), d of the first input.
+        worst: (N,), error of K-hat, of the input whose is larger.
         failed: sample after which the first change acts; N without one.
         nis: mean NIS from then on.
 
@@ -46,6 +47,7 @@ class Measured(NamedTuple):
     largest: float
     before: float
     statistic: Array
+    worst: Array
     failed: int
     nis: float
 
@@ -80,6 +82,7 @@ def measured(run: Run, case: Case) -> Measured:
         largest=float(np.max(np.abs(run.state[min(failed, samples - 1) :]))),
         before=float(np.max(run.statistic[:failed])),
         statistic=run.statistic[:, 0],
+        worst=np.sqrt(np.max(square, axis=1)),
         failed=failed,
         nis=float(np.mean(run.nis[min(failed, samples - 1) :])),
     )
@@ -91,6 +94,12 @@ def delay_s(run: Measured, threshold: float, period_s: float) -> float:
     return float((above[0] + 1) * period_s) if above.size else np.inf
 
 
+def within_s(run: Measured, error: float, period_s: float) -> float:
+    """Return how long after the first change both errors of K-hat first are below a value; infinite if never."""
+    near = np.flatnonzero(run.worst[run.failed :] < error)
+    return float((near[0] + 1) * period_s) if near.size else np.inf
+
+
 def early(run: Measured, period_s: float) -> float:
     """Return the largest d of the first input within ``EARLY_S`` of the first change."""
     return float(np.max(run.statistic[run.failed : run.failed + round(EARLY_S / period_s)]))
@@ -100,7 +109,7 @@ class Quiet(NamedTuple):
     """A run without failure, of what the test's law rests on: z = gamma-hat / sqrt(P_ii) of the first input, d of both.
 
     Attributes:
-        last: z at the end.
+        last, gamma: z and gamma-hat at the end.
         products: (lags,), mean of z(k) z(k + j), from ``QUIET_S`` on.
         statistic: (N,), d of the first input.
         largest: largest d of either input.
@@ -109,6 +118,7 @@ class Quiet(NamedTuple):
     """
 
     last: float
+    gamma: float
     products: Array
     statistic: Array
     largest: float
@@ -121,7 +131,8 @@ def quiet(seed: int, case: Case) -> Quiet:
     begin = round(QUIET_S / case.period_s)
     z = (run.estimate[begin:, 0] - 1.0) / run.deviation[begin:, 0]
     products = np.array([np.mean(z[: len(z) - j] * z[j:]) for j in range(case.window)])
-    return Quiet(float(z[-1]), products, run.statistic[:, 0], float(np.max(run.statistic)), float(np.mean(run.nis)))
+    gamma, largest = float(run.estimate[-1, 0] - 1.0), float(np.max(run.statistic))
+    return Quiet(float(z[-1]), gamma, products, run.statistic[:, 0], largest, float(np.mean(run.nis)))
 
 
 def autocorrelation(runs: Sequence[Quiet]) -> Array:

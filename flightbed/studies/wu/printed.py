@@ -1,9 +1,9 @@
 """What Wu, Zhang and Zhou (2000) print of their two examples; nothing here is computed.
 
-N. E. Wu, Y. Zhang, K. Zhou, Detection, estimation, and accommodation of loss of control effectiveness, Int. J. Adaptive Control and Signal
-Processing 14 (2000) 775, S 5. The matrices are those of differential equations, though difference equations are printed around them: so read,
-example 1 has a short period and a phugoid, both stable, and example 2 the unstable and the lightly damped mode that the text tells
-of; as transition matrices both would grow, the first fourfold at every sample.
+N. E. Wu, Y. Zhang, K. Zhou, Detection, estimation, and accommodation of loss of control effectiveness, Int. J. Adaptive Control and
+Signal Processing 14 (2000) 775, S 5. The matrices are those of differential equations, though difference equations are printed around
+them: so read, example 1 has a short period and a phugoid, both stable, and example 2 the unstable and the lightly damped mode that the
+text tells of; as transition matrices both would grow, the first fourfold at every sample.
 """
 
 from __future__ import annotations

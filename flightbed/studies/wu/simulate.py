@@ -5,9 +5,11 @@ The filter and the law know the healthy system; the effectiveness is the plant's
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -35,14 +37,14 @@ EXTERNAL = (1.0, 1.0)  # the constant external input of example 1, rad; that bot
 NONE, CONSTANT, VARIABLE = NoForgetting(), ConstantForgetting(0.95), VariableForgetting(0.001, 1.0)
 LEFT = 0.1  # of the first input of example 2; the fixed law needs 0.29 to be stable, see the table of margins
 FLOOR = 0.05  # least effectiveness that the law is designed for
-FORGETTING = {"none": NONE, "constant": CONSTANT, "variable": VARIABLE}
+FORGETTING: Mapping[str, Forgetting] = MappingProxyType({"none": NONE, "constant": CONSTANT, "variable": VARIABLE})
 
 
 class Law(Enum):
     """What the control law does about a confirmed loss.
 
-    FIXED does nothing. REDESIGNED is the LQ design for the effectiveness as estimated, eqs (47)-(49). OFFSET weights the inputs anew as well, so that
-    the loop is that of the healthy system, and divides the external input likewise. OPEN feeds nothing back at all.
+    FIXED does nothing. REDESIGNED is the LQ design for the effectiveness as estimated, eqs (47)-(49). OFFSET weights the inputs anew as
+    well, so that the loop is that of the healthy system, and divides the external input likewise. OPEN feeds nothing back at all.
     """
 
     FIXED = "fixed"
@@ -64,6 +66,7 @@ class Case:
         period_s: of samples.
         prior_variance: P_0 of every gamma.
         window, threshold: L and epsilon of the test.
+        noise: factor on the standard deviations of process noise and readings, which the filter knows.
 
     """
 
@@ -76,10 +79,15 @@ class Case:
     prior_variance: float = printed.PRIOR_VARIANCE
     window: int = printed.WINDOW
     threshold: float = printed.THRESHOLD
+    noise: float = 1.0
 
 
 def aircraft(
-    scenario: int | None, forgetting: Forgetting = VARIABLE, law: Law = Law.FIXED, *, external: tuple[float, float] = EXTERNAL
+    scenario: int | None,
+    forgetting: Forgetting = VARIABLE,
+    law: Law = Law.FIXED,
+    *,
+    external: tuple[float, float] = EXTERNAL,
 ) -> Case:
     """Return a case of example 1: a scenario of Table I, or None for no failure."""
     changes = () if scenario is None else printed.SCENARIOS[scenario]
@@ -126,7 +134,7 @@ def effectiveness(case: Case) -> Array:
 
 
 class Run(NamedTuple):
-    """One run; N samples, row k of what the plant or the filter says is at t_s[k], the end of the sample over which row k of the inputs held.
+    """One run; N samples, row k of what plant or filter say is at t_s[k], the end of the sample over which row k of the inputs held.
 
     Attributes:
         t_s: (N,), from one period on.
@@ -156,11 +164,11 @@ def simulate(seed: int, case: Case) -> Run:
     A, B, C, Q, R = model(case.example, case.period_s)
     x = np.array(printed.EXAMPLES[case.example].x0)
     n, m, samples = len(x), len(C), round(printed.DURATION_S / case.period_s)
-    w = printed.PROCESS_STD * rng.standard_normal((samples, n))
-    v = printed.READING_STD * rng.standard_normal((samples, m))
+    process_std, reading_std = case.noise * printed.PROCESS_STD, case.noise * printed.READING_STD
+    w, v = process_std * rng.standard_normal((samples, n)), reading_std * rng.standard_normal((samples, m))
     K = effectiveness(case)
     kalman = TwoStageFilter(TwoStageConfig(
-        Q=printed.PROCESS_STD**2 * np.eye(n), R=printed.READING_STD**2 * np.eye(m), Q_gamma=printed.GAMMA_STD**2 * np.eye(2),
+        Q=process_std**2 * np.eye(n), R=reading_std**2 * np.eye(m), Q_gamma=printed.GAMMA_STD**2 * np.eye(2),
         state=x, state_covariance=printed.PRIOR_VARIANCE * np.eye(n),
         gamma=np.zeros(2), gamma_covariance=case.prior_variance * np.eye(2), forgetting=case.forgetting,
     ))  # fmt: skip
@@ -184,5 +192,5 @@ def simulate(seed: int, case: Case) -> Run:
             believed = np.where(raised, np.clip(told.effectiveness, FLOOR, 1.0), believed)
             law.redesign(believed, R=offset_weights(R, believed) if case.law is Law.OFFSET else None)
             redesigns += 1
-    t_s = case.period_s * np.arange(1, samples + 1)
+    t_s = case.period_s * np.arange(1, samples + 1, dtype=np.float64)
     return Run(t_s, found[0], found[1], found[2], states, found[3], found[4], nis, redesigns)

@@ -1,0 +1,164 @@
+"""Three surfaces, one filter: which surface failed, how well K is found, how often the test cries wolf, and against the scheduled filter.
+
+    python benchmarks/surfaces.py [--runs 5] [--workers N]
+
+1. Confusion: flights of `aileron-loss` with one surface losing its effectiveness (to 0.1 ... 0.7 of it), ``runs`` noise draws each;
+   found is the surface whose test raises the first alarm after the failure.
+2. No failure, calm and turbulent: share of ticks and of flights with an alarm, against the rate that the chi-square law promises.
+3. `elevator-loss`, `ramp-loss`, `level-loss`, `transonic-loss` and `turbulent-loss` with two-stage filters beside the scheduled one, which
+   flies the aircraft: error, delay, false alarms.
+4. Losses that a fixed law does not survive: departures with the law as it is, corrected and designed anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+
+from flightbed.document import show
+from flightbed.ensemble import Flown, Job, fly_jobs, processes
+from flightbed.scenario import load_scenario
+from flightbed.settings import Scenario
+from flightbed.statistics import median_interval, share
+
+SURFACES = ("elevator", "aileron", "rudder")
+NAMES = ("two-stage", "two-stage.aileron", "two-stage.rudder")
+TO = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
+FAILED_S = 5.2
+VARIABLE = '{name="two-stage", kind="two-stage", memory="variable", window=3}'
+RIVALS = {
+    "two-stage, variable": VARIABLE,
+    "two-stage, constant": '{name="constant", kind="two-stage", memory="fading", forgetting=0.97, window=3}',
+    "two-stage, none": '{name="none", kind="two-stage", memory="expanding", window=3}',
+}
+
+
+def _lost(surface: str, to: float, *more: str) -> Scenario:
+    failure = f'failures=[{{surface="{surface}", at_s={FAILED_S}, to={to}}}]'
+    return load_scenario("aileron-loss", [failure, "duration_s=10", *more])
+
+
+def _alarms(flown: Flown, since_s: float) -> dict[str, float]:
+    """Return the time of the first new alarm of each surface from a time on; infinite without one."""
+    t, found = flown.columns["t_s"], {}
+    for surface, name in zip(SURFACES, NAMES, strict=True):
+        raised = np.flatnonzero((np.diff(flown.columns[f"{name}.alarms"], prepend=0.0) > 0.0) & (t >= since_s - 1e-9))
+        found[surface] = float(t[raised[0]]) if raised.size else np.inf
+    return found
+
+
+def confusion(runs: int, executor: Executor | None) -> None:
+    """Print which surface was found, how fast, and the errors of K."""
+    columns = ("t_s", *(f"{n}.{c}" for n in NAMES for c in ("alarms", "effectiveness", "effectiveness_smoothed")))
+    cases = [(surface, to) for surface in SURFACES for to in TO]
+    flights = fly_jobs([Job(_lost(*case), runs, columns) for case in cases], executor=executor)
+    print(f"\n1. One surface loses effectiveness, to one of {TO}: {runs * len(cases)} flights")
+    surfaces = " ".join(f"{s:>9}" for s in (*SURFACES, "nothing"))
+    print(f"{'lost':>10} | found: {surfaces} | {'delay s':>20} | {'|K error| at 1 s':>22} | largest from 1 s on")
+    for surface, name in zip(SURFACES, NAMES, strict=True):
+        counted: Counter[str] = Counter()
+        delays, at_once, always = [], [], []
+        for (lost, to), flown in zip(cases, flights, strict=True):
+            for flight in flown if lost == surface else ():
+                times = _alarms(flight, FAILED_S)
+                first = min(times, key=lambda s: times[s])
+                counted[first if np.isfinite(times[first]) else "nothing"] += 1
+                delays.append(times[surface] - FAILED_S)
+                error = np.abs(flight.columns[f"{name}.effectiveness"] - to)
+                k = round((FAILED_S + 1.0) * 100)
+                at_once.append(error[min(k, len(error) - 1)])
+                always.append(np.max(error[k:], initial=0.0))
+        found = " ".join(f"{counted[s]:9d}" for s in (*SURFACES, "nothing"))
+        middle = f"{np.median(delays):.2f} (to {np.max(delays):.2f})"
+        print(
+            f"{surface:>10} |        {found} | {middle:>20} | "
+            f"{np.median(at_once):.3f} (95 %: {np.quantile(at_once, 0.95):.3f}) | "
+            f"{np.median(always):.3f} (95 %: {np.quantile(always, 0.95):.3f})"
+        )
+
+
+def wolf(runs: int, executor: Executor | None) -> None:
+    """Print how often the test raises an alarm in flights without a failure."""
+    print(f"\n2. No failure: {runs} flights of 10 s each; the test's nominal rate is that of a single tick")
+    base = load_scenario("aileron-loss", ["duration_s=10", "failures=[]"])
+    nominal = base.estimators[0].false_alarm
+    columns = tuple(f"{name}.alarms" for name in NAMES)
+    for turbulence in ("none", "light", "moderate"):
+        scenario = load_scenario(
+            "aileron-loss", ["duration_s=10", "failures=[]", f"atmosphere.turbulence={turbulence}"]
+        )
+        flown = fly_jobs([Job(scenario, runs, columns)], executor=executor)[0]
+        for surface, name in zip(SURFACES, NAMES, strict=True):
+            per_flight = [f.columns[f"{name}.alarms"] for f in flown]
+            raised = sum(float(a[-1]) for a in per_flight)
+            ticks = sum(len(a) for a in per_flight)
+            with_one = share(sum(a[-1] > 0 for a in per_flight), runs)
+            print(
+                f"  turbulence {turbulence:<9} {surface:<9} alarms per tick {raised / ticks:.1e} (promised {nominal:.0e}); "
+                f"flights with one: {show(with_one, '.2f')}"
+            )
+
+
+def rivals(runs: int, executor: Executor | None) -> None:
+    """Print two-stage filters beside the scheduled one on the scenarios of the elevator."""
+    print(f"\n3. On the elevator's scenarios, {runs} flights each; the scheduled filter flies the aircraft")
+    print(
+        f"{'scenario':<16} {'estimator':<22} {'median |K error|':>26} {'detected after s':>20} {'false alarms':>13} {'NIS':>6}"
+    )
+    for name in ("elevator-loss", "ramp-loss", "level-loss", "transonic-loss", "turbulent-loss"):
+        added = [f"estimators.{i + 1}={table}" for i, table in enumerate(RIVALS.values())]
+        scenario = load_scenario(name, added)
+        flown = fly_jobs([Job(scenario, runs)], executor=executor)[0]
+        for settings in scenario.estimators[:4]:
+            found = [f.metrics.estimators[settings.name] for f in flown]
+            errors = [f.median_abs_error_post for f in found if f.median_abs_error_post is not None]
+            delays = [f.detected_at_s for f in found]
+            told = [d for d in delays if d is not None]
+            nis = np.mean([f.nis_mean for f in found if f.nis_mean is not None])
+            delay = f"{np.median(told):.2f} ({len(told)} of {runs})" if told else f"never ({runs})"
+            print(
+                f"{name:<16} {settings.name:<22} {show(median_interval(errors), '.4f'):>26} {delay:>20} "
+                f"{sum(f.false_alarms for f in found):>13d} {nis:>6.2f}"
+            )
+
+
+def survival(runs: int, executor: Executor | None) -> None:
+    """Print departures with three ways of dealing with a loss."""
+    print(f"\n4. Departures, {runs} flights each, law lq")
+    ways = {
+        "as it is": ["adaptation.enabled=false"],
+        "divided by K": ["adaptation.method=divide"],
+        "designed anew": ["adaptation.method=redesign"],
+    }
+    losses = [(s, to) for s in SURFACES for to in (0.1, 0.2)]
+    for surface, to in losses:
+        jobs = [Job(_lost(surface, to, "control.law=lq", "duration_s=16.5", *more), runs) for more in ways.values()]
+        counts = [sum(f.metrics.departed for f in flown) for flown in fly_jobs(jobs, executor=executor)]
+        told = ", ".join(f"{way} {count}" for way, count in zip(ways, counts, strict=True))
+        print(f"  {surface} to {to}: {told}")
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
+    asked = parser.parse_args(arguments)
+    began = time.perf_counter()
+    with processes(asked.workers) as executor:
+        confusion(asked.runs, executor)
+        wolf(asked.runs * 4, executor)
+        rivals(asked.runs * 4, executor)
+        survival(asked.runs * 2, executor)
+    print(f"\n{time.perf_counter() - began:.0f} s")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
