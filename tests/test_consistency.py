@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 
 import numpy as np
@@ -72,7 +73,7 @@ def _kind(name: str) -> str:
 @pytest.mark.parametrize(
     ("overrides", "problem"),
     [
-        (["estimators.0={name='two', kind='two-stage'}"], "estimators.0.memory: must be 'expanding', 'fading' or 'variable' with kind = 'two-stage' (got 'window')"),
+        (["estimators.0={name='two', kind='two-stage', memory='window'}"], "estimators.0.memory: must be 'expanding', 'fading' or 'variable' with kind = 'two-stage' (got 'window')"),
         (["estimators.0.memory=variable"], "estimators.0.memory: must be 'window', 'expanding' or 'fading' with kind = 'loop-gain' (got 'variable')"),
         ([TWO, "estimators.0.variance_min=2"], "estimators.0.variance_min: must be below variance_max = 1 (got 2)"),
         ([TWO, "estimators.0.model=short-period", "lateral.enabled=true"], "estimators.0.model: must be 'scheduled' with kind = 'two-stage' and lateral.enabled = true (got 'short-period')"),
@@ -99,6 +100,14 @@ def test_keys_of_three_surfaces_and_of_the_two_stage_filter(overrides: list[str]
     with pytest.raises(ScenarioError) as caught:
         load_scenario("elevator-loss", [*overrides, *fixed])
     assert any(text.endswith(problem) for text in caught.value.problems), caught.value.problems
+
+
+def test_a_two_stage_filter_without_a_word_about_it_forgets_as_it_should() -> None:
+    named = {"adaptation.estimator=two", "estimators.0={name='two', kind='two-stage'}"}
+    (first, *_) = load_scenario("elevator-loss", sorted(named)).estimators
+    assert (first.memory, first.window) == ("variable", 3)
+    again = load_scenario(tomllib.loads(load_scenario("elevator-loss", sorted(named)).to_toml())).estimators[0]
+    assert again == first
 
 
 def test_the_keys_of_the_two_stage_filter_are_welcome_where_they_act() -> None:

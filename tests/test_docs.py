@@ -34,11 +34,13 @@ def test_every_scenario_key_is_in_the_table_and_no_other() -> None:
     scenario = load_scenario("elevator-loss", ["control.poles=[[-1,0],[-2,0],[-3,0]]", *gust])
     given = load_scenario("thesis-loss", gust)  # poles and gains exclude each other
     places = ("estimators.0", "failures.0", "control", "command")
+    places += ("lateral.roll", "lateral.sideslip")
     own = [f"{place}.{'law' if place == 'control' else 'kind'}=mine" for place in places]
     with using({"mine": dict}):
-        optional = load_scenario("elevator-loss", [*own, *(f"{place}.options.gain=1" for place in places)])
+        options_set = [*own, "lateral.enabled=true", *(f"{place}.options.gain=1" for place in places)]
+        optional = load_scenario("elevator-loss", options_set)
     options = {key.removesuffix(".gain") for key in _keys(tomllib.loads(optional.to_toml())) if ".options." in key}
-    assert len(options) == 4
+    assert len(options) == len(places)
     table = (ROOT / "docs" / "scenario.md").read_text().partition("## metrics.json")[0]
     rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     explained = {key for row in rows for key in re.findall(r"`([^`]+)`", row)}

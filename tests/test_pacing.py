@@ -268,11 +268,11 @@ def test_nothing_is_compiled_in_flight(kind: str) -> None:
     """In a process of its own, where no other estimator has compiled anything: a first compilation takes seconds."""
     code = (
         "import sys, flightbed\n"
-        "from flightbed.estimation import kernels, loop_gain, pitch_model, rls\n"
+        "from flightbed.estimation import kernels, loop_gain, pitch_model, rls, surfaces, surfaces_model, two_stage\n"
         "from flightbed.mission import assemble, plan\n"
         "from flightbed.loop import fly\n"
         "def compiled():\n"
-        "    made = {f'{m.__name__}.{n}': len(f.signatures) for m in (kernels, loop_gain, pitch_model, rls) for n, f in vars(m).items()\n"
+        "    made = {f'{m.__name__}.{n}': len(f.signatures) for m in (kernels, loop_gain, pitch_model, rls, surfaces, surfaces_model, two_stage) for n, f in vars(m).items()\n"
         "            if hasattr(f, 'signatures')}\n"
         "    assert made\n"
         "    return made\n"

@@ -263,9 +263,12 @@ _BY_MODEL = MappingProxyType(
     }
 )
 
+# And by its kind: the two-stage filter has no window, and its test averages few samples.
+_BY_KIND = MappingProxyType({"two-stage": MappingProxyType({"memory": "variable", "window": 3})})
+
 
 class EstimatorSettings(OwnSettings):
-    """One estimator; several may run side by side, at most one adapts. The defaults of some keys depend on the model."""
+    """One estimator; several may run side by side, at most one adapts. The defaults of some keys depend on the kind and the model."""
 
     name: Identifier
     kind: Annotated[str, registered("estimators")] = "loop-gain"
@@ -294,7 +297,9 @@ class EstimatorSettings(OwnSettings):
     @model_validator(mode="before")
     @classmethod
     def _by_model(cls, raw: Any) -> Any:
-        return {**_BY_MODEL.get(str(raw.get("model")), {}), **raw} if isinstance(raw, Mapping) else raw
+        if not isinstance(raw, Mapping):
+            return raw
+        return {**_BY_MODEL.get(str(raw.get("model")), {}), **_BY_KIND.get(str(raw.get("kind")), {}), **raw}
 
     @model_validator(mode="after")
     def _ordered(self) -> EstimatorSettings:
