@@ -46,9 +46,11 @@ def test_json_is_alone_on_stdout(tmp_path: Path) -> None:
 def test_list_names_everything_with_a_line_each(tmp_path: Path) -> None:
     listed = flightbed("list", cwd=tmp_path).stdout
     for name in ("f16", "nominal", "elevator-loss", "elevator-loss-fixed", "straight-and-level", "doublet", "constant", "none",
-                 "3-2-1-1", "chirp", "multisine", "random", "dither", "proportional", "proportional-integral", "effectiveness", "loop-gain"):  # fmt: skip
+                 "3-2-1-1", "chirp", "multisine", "random", "dither", "proportional", "proportional-integral", "lq", "effectiveness", "loop-gain",
+                 "two-stage", "stuck", "floating", "hardover", "rate-limit", "bias"):  # fmt: skip
         assert f"\n  {name} " in listed
-    assert flightbed("list", "laws", cwd=tmp_path).stdout.splitlines()[0].startswith("proportional ")
+    laws = [line.split()[0] for line in flightbed("list", "laws", cwd=tmp_path).stdout.splitlines()]
+    assert laws == ["lq", "proportional", "proportional-integral"]
 
 
 @pytest.mark.parametrize(
