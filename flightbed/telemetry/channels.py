@@ -140,8 +140,11 @@ def _share(trace: Trace, surface: str, key: str, tab: str) -> Plot:
         for name in names
     ]
     truth = _line("K true", palette.TRUTH, true_share(estimate_name("", surface)), width=2.2)
+    lines = [truth, *gains]
+    if surface == "elevator":
+        lines.append(_line("pitch loop stable above", palette.OTHER, "effectiveness_stable_min", width=1.0))
     title = f"{surface.capitalize()} effectiveness K, share; bands +-2 sigma"
-    return Plot(key, title, tab, (truth, *gains), (-0.1, 1.3), bands=names)
+    return Plot(key, title, tab, tuple(lines), (-0.1, 1.3), bands=names)
 
 
 def _deflection(surface: str, stops_deg: Mapping[str, Sequence[float]], tab: str) -> Plot:
