@@ -61,7 +61,7 @@ class Flight:
 Teller = Callable[[Measurement, LateralMeasurement], Sequence[Estimate]]
 
 
-def _teller(estimator: Estimator | SurfacesEstimator) -> Teller:
+def teller(estimator: Estimator | SurfacesEstimator) -> Teller:
     """Return what asks an estimator where aileron and rudder are commanded: one of the elevator alone is told nothing of them."""
     if isinstance(estimator, SurfacesEstimator):
         return estimator.update_all
@@ -84,7 +84,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
     believed_of, feedback_of, health_at = adaptation.believed, adaptation.position_feedback, flight.health
     reference_of, command_of = adaptation.reference, adaptation.command
     axes, redesign = flight.lateral, flight.redesign
-    tellers = [_teller(estimator) for estimator in flight.estimators] if axes is not None else []
+    tellers = [teller(estimator) for estimator in flight.estimators] if axes is not None else []
     updates = [e.update for e in flight.estimators if not isinstance(e, SurfacesEstimator)] if axes is None else []
     only = updates[0] if len(updates) == 1 else None
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
