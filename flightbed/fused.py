@@ -153,11 +153,17 @@ def rows_of(flight: Flight) -> Array | None:
     delay, on_the_way = flight.delay_ticks, deque([plant.sense().elevator_rad] * flight.delay_ticks)
     put, memory = Struct(f"{len(Truth._fields)}d").pack_into, memoryview(store.data).cast("B")
     stride, place = 8 * width, 8 * (first + _TRUTH)
-    following = health_at(0)
+    following = told = health_at(0)
+    left = told[:3]
     for tick in range(ticks):
         health, following = following, health_at(tick + 1)
         if ours is not None:  # no Truth is made: the compiled code makes its fields
-            put(memory, place, *map(call, getters), *ours.beside(health))
+            if health is not told:
+                told, left = health, health[:3]
+            put(
+                memory, place, *map(call, getters),
+                ours.elevator_mean_rad, *left, ours.gust_up_m_s, ours.elevator_offset_rad,
+            )  # fmt: skip
         else:
             put(memory, place, *sense(health))
         place += stride

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from flightbed.failures.base import Failing
-from flightbed.signals import SURFACES, Health
+from flightbed.signals import HEALTHY, SURFACES, Health
 
 # Surface -> the fields of Health that are shares of what it does.
 _SHARES: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -70,9 +70,16 @@ def floating(before: Failing, *, surface: str, at_tick: int) -> Failing:
 
 
 def _from(before: Failing, at_tick: int, change: Callable[[Health], Health]) -> Failing:
+    seen, made = HEALTHY, change(HEALTHY)  # what was made last: a flight asks at every tick, and the answer seldom changes
+
     def health(tick: int) -> Health:
+        nonlocal seen, made
         was = before(tick)
-        return change(was) if tick >= at_tick else was
+        if tick < at_tick:
+            return was
+        if was is not seen:
+            seen, made = was, change(was)
+        return made
 
     return health
 

@@ -50,7 +50,7 @@ class JsbsimPlant:
 
     Attributes:
         getters, origin: what ``properties.fields`` is of: read JSBSim now; where the flight began.
-        elevator_mean_rad, gust_up_m_s: the fields of Truth that are not read there.
+        elevator_mean_rad, gust_up_m_s, elevator_offset_rad: the fields of Truth that are not read there.
 
     """
 
@@ -97,7 +97,6 @@ class JsbsimPlant:
         self._command(start.elevator_rad)
         self._gusts, self._gust_down = gusts, fdm.setter("atmosphere/gust-down-fps")
         self._frames, self.gust_up_m_s = 0, 0.0
-        self._seized = self._health = HEALTHY
         self._seize(health)
         self._become(health)
         fdm.settle()
@@ -134,6 +133,7 @@ class JsbsimPlant:
             put(share)
         for surface, fault in zip(self._surfaces, health.faults, strict=False):
             surface.become(fault)
+        self.elevator_offset_rad = self._elevator_surface.offset_rad
         # Whether something is to be done in every frame.
         self._more = (
             self._gusts is not calm or bool(self._lateral_surfaces) or any(surface.floats for surface in self._surfaces)
@@ -141,7 +141,6 @@ class JsbsimPlant:
 
     def _seize(self, health: Health) -> None:
         """Make this what is wrong with the actuators, from the next frame on."""
-        self._seized = health
         for surface, fault in zip(self._surfaces, health.faults, strict=False):
             surface.seize(fault)
         self._stops = self._elevator_surface.stops
@@ -158,6 +157,7 @@ class JsbsimPlant:
         for surface in self._surfaces:
             if surface.floats:
                 surface.trail()
+        self.elevator_offset_rad = self._elevator_surface.offset_rad
         for i, surface in enumerate(self._lateral_surfaces):
             self._lateral_totals[i] += surface.position()
 
@@ -166,13 +166,11 @@ class JsbsimPlant:
         # Made without its constructor: twenty arguments by position cost as much as four of the properties.
         return _new(
             Truth,
-            plain_fields(*self.origin, *map(call, self.getters), *self.beside(health)),
-        )
-
-    def beside(self, health: Health) -> tuple[float, float, float, float, float, float]:
-        """Return the last arguments of ``properties.fields``, that JSBSim does not tell."""
-        share, force, shift, _, _, _ = health
-        return self.elevator_mean_rad, share, force, shift, self.gust_up_m_s, self._elevator_surface.offset_rad
+            plain_fields(
+                *self.origin, *map(call, self.getters),
+                self.elevator_mean_rad, *health[:3], self.gust_up_m_s, self.elevator_offset_rad,
+            ),
+        )  # fmt: skip
 
     def sense_lateral(self, health: Health) -> LateralTruth:
         """Return the truth of roll and yaw at the present tick; the health is what is left from now on."""
@@ -196,15 +194,15 @@ class JsbsimPlant:
 
         The command is clamped to the stops first: JSBSim's rate limiter runs on beyond them and comes back late.
         """
-        if health is not self._seized:
+        if health is not self._health:  # another than the last period was told will follow
+            self._become(health)
             self._seize(health)
         low, high = self._stops
         self._command(low if elevator_cmd_rad < low else high if elevator_cmd_rad > high else elevator_cmd_rad)
-        for surface, rad in zip(self._lateral_surfaces, self._steering, strict=False):
-            surface.command(rad)
-        if health is not self._health:
-            self._become(health)
         elevator, run, total, more = self._elevator, self._run, 0.0, self._more
+        if more:
+            for surface, rad in zip(self._lateral_surfaces, self._steering, strict=False):
+                surface.command(rad)
         for _ in self._all_but_the_last:
             if more:
                 self._before_a_frame()
@@ -213,11 +211,14 @@ class JsbsimPlant:
             run()
         if following is not health:
             self._become(following)
-        if more or self._more:
+            more = more or self._more
+        if more:
             self._before_a_frame()
         total += elevator()
         run()
         self.elevator_mean_rad = total / self._substeps
-        if self._lateral_surfaces:
+        if more:
             self._lateral_means = [total / self._substeps for total in self._lateral_totals]
-            self._lateral_totals = [0.0, 0.0]
+            self._lateral_totals = [0.0] * len(self._lateral_totals)
+        if following is not health:
+            self._seize(following)
