@@ -33,7 +33,8 @@ class Tracking:
         whole_fade: alpha >= 1 on the whole F P F', eq (4.2): Gelb's fading memory.
         pseudonoise_var: gamma, added to the variance of each parameter at every sample, eq (4.1).
         reset_every: samples after which the covariance is set to the prior's again; 0 never.
-        reset_below: the covariance is reset when the norm of the Kalman gain falls below; 0 never.
+        reset_below: the covariance is reset when the norm of the parameters' Kalman gains falls below (the state's stay up in noise);
+            0 never.
 
     """
 
@@ -134,7 +135,7 @@ def step(
         first: no sample was before.
 
     Returns:
-        innovation, its variance, squared norm of the gain.
+        innovation, its variance, squared norm of the parameters' gains.
 
     """
     real = s.dtype.type
@@ -175,7 +176,8 @@ def step(
         for i in range(N):
             part = gain[i] / variance
             s[i] += part * innovation
-            norm += part * part
+            if i >= n:
+                norm += part * part
             for j in range(i, N):
                 P[i, j] -= part * gain[j]
                 P[j, i] = P[i, j]

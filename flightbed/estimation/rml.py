@@ -67,6 +67,13 @@ def within(c: Array, radius: float) -> bool:
 
 
 @compiled
+def _residual(theta: Array, x: Array, y: float) -> float:
+    for i in range(theta.shape[0]):
+        y -= x[i] * theta[i]
+    return y
+
+
+@compiled
 def step(
     theta: Array, P: Array, x: Array, phi: Array, forgetting: float, radius: float, residual: float, y_before: float, u_before: float,
     y: float,
@@ -97,9 +104,7 @@ def step(
         for i in range(n - 1, 0, -1):
             x[first + i], phi[first + i] = x[first + i - 1], phi[first + i - 1]
         x[first], phi[first] = new, filtered
-    innovation = y
-    for i in range(N):
-        innovation -= x[i] * theta[i]
+    innovation = _residual(theta, x, y)
     v = np.zeros(N)
     denominator = forgetting
     for i in range(N):
@@ -126,7 +131,10 @@ def drawn_back(c: Array, radius: float) -> Array:
 
 
 class Rml:
-    """A recursion at work; owns its state. Its parameters are told as PLID's are, in the observable-canonical form, eq (3.10)."""
+    """A recursion at work; owns its state. Its parameters are told as PLID's are, in the observable-canonical form, eq (3.10).
+
+    An unstable plant ends in numbers that are none, and so does the estimate: 1/C filters what grows without bound.
+    """
 
     def __init__(self, config: RmlConfig) -> None:
         n = config.order
@@ -146,10 +154,10 @@ class Rml:
         self.innovation, _, sound = step(
             self._theta, self._P, self._x, self._phi, config.forgetting, config.root_limit, self._residual, last, u_before, y
         )  # fmt: skip
-        if not sound:
+        if not sound and np.all(np.isfinite(self._theta)):
             self._theta[2 * n :] = drawn_back(self._theta[2 * n :], config.root_limit)
             self.projections += 1
-        self._residual = y - float(self._x @ self._theta)
+        self._residual = _residual(self._theta, self._x, y)
 
     @property
     def parameters(self) -> Array:

@@ -45,7 +45,7 @@ def step(
         first: no sample was before.
 
     Returns:
-        innovation, its variance, squared norm of the gain.
+        innovation, its variance, squared norm of the parameters' gains.
 
     """
     real = s.dtype.type
@@ -130,7 +130,8 @@ def step(
     for i in range(N):
         gain[i] = gain[i] / alpha if alpha > tiny else zero
         s[i] += gain[i] * innovation
-        norm += gain[i] * gain[i]
+        if i >= n:
+            norm += gain[i] * gain[i]
     return innovation, alpha, norm
 
 

@@ -29,7 +29,7 @@ RIVALS = {
     methods.WHOLE: "the fade of the whole matrix",
     methods.PSEUDONOISE: f"pseudonoise of variance {methods.GAMMA:g}",
     methods.RESET: f"resetting the covariance every {methods.RESET_EVERY} samples",
-    methods.SLEEPY: f"resetting it when the norm of the gain falls below {methods.RESET_BELOW:g}",
+    methods.SLEEPY: f"resetting it when the norm of the parameters' gains falls below {methods.RESET_BELOW:g}",
 }
 
 Vector = npt.NDArray[np.float64]
