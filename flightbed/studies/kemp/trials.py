@@ -16,6 +16,7 @@ from flightbed.studies.kemp.plants import Record
 Array = npt.NDArray[np.float64]
 
 LOST = 1e12  # an output beyond it ends a closed loop
+ROUND_OFF = 1e-9  # errors below it are even
 SETTLED = 0.25  # share of |theta| within which an estimate has settled, of its own value at sample 150
 
 
@@ -55,7 +56,7 @@ class Deadbeat(NamedTuple):
     """When a plant was identified without noise.
 
     Attributes:
-        found: first sample with all parameters to 0.01.
+        found: the sample with which the largest error of a parameter falls most, down to round-off.
         observable: first sample at which the observability matrix (2.26) of the extended state has full rank.
         error: of the parameters at that sample.
 
@@ -84,7 +85,8 @@ def deadbeat(seed: int, order: int, idle: int) -> Deadbeat:
     record = Record(many, u, plants.respond(many, u, still, still[:, 0]))
     error = np.max(np.abs(methods.estimates(methods.make(methods.UD, order, 0.0, 0.0), record) - theta), axis=1)
     observable = full_rank_at(record)
-    return Deadbeat(int(np.argmax(error < 1e-2)), observable, float(error[observable]))
+    fallen = error[:-1] / np.maximum(error[1:], ROUND_OFF)
+    return Deadbeat(int(np.argmax(fallen)) + 1, observable, float(error[observable]))
 
 
 _PRIME = 2**61 - 1
