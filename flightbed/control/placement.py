@@ -47,7 +47,7 @@ def assign(A: Matrix, b: Matrix, poles: Poles, k: Matrix) -> float:
     for step in range(n):  # Householder, on b and then on the columns of H: below their first element all becomes 0
         length = np.sqrt(np.sum(np.abs(column[step:]) ** 2))
         least = min(least, length)
-        if length == 0.0:
+        if not (size < np.inf and length > 1e-100 * size):  # and for what is no number
             return 0.0
         v = np.zeros(n, dtype=np.complex128)
         v[step:] = column[step:]
@@ -67,8 +67,6 @@ def assign(A: Matrix, b: Matrix, poles: Poles, k: Matrix) -> float:
         if step < n - 1:
             column = H[:, step].copy()
             column[: step + 1] = 0.0
-    if not least > 0.0:
-        return 0.0
     for i in range(n):
         for j in range(i - 1):
             H[i, j] = 0.0

@@ -120,10 +120,10 @@ def step(
         alpha += v * f
         if alpha > tiny:
             UD[j, j] *= before / alpha
-        share = f / before if before > tiny else zero
         for i in range(j):
             old = UD[i, j]
-            UD[i, j] = old - gain[i] * share
+            if before > tiny:  # gain / before is at most the root of P_ii / before: f / before itself may overflow
+                UD[i, j] = old - gain[i] / before * f
             gain[i] += v * old
         gain[j] = v
     norm = zero
