@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -189,13 +189,12 @@ def _unstable(results: Results) -> Iterator[Claim]:
 
 
 def _paired(
-    judge: Any, key: str, text: str, words: str, results: Results, plant: str, mark: int, one: tuple[int, str], other: tuple[int, str],
+    judge: Callable[..., Claim], key: str, text: str, words: str, results: Results, plant: str, mark: int, one: tuple[int, str], other: tuple[int, str],
     limit: float = 0.0,
 ) -> Claim:  # fmt: skip
     pairs = zip(results[plant, *one], results[plant, *other], strict=True)
     values = [_error(a, plant, mark) - _error(b, plant, mark) for a, b in pairs]
-    made: Claim = judge(key, text, f"|error| at sample {mark}, {words}", values, limit)
-    return made
+    return judge(key, text, f"|error| at sample {mark}, {words}", values, limit)
 
 
 def _against_rml(results: Results) -> Iterator[Claim]:
@@ -264,8 +263,8 @@ def _against_rml(results: Results) -> Iterator[Claim]:
 def _table(results: Results) -> Table:
     rows: list[list[Any]] = []
     for plant, case in product(MARKS, printed.NOISES):
-        marks = (SHOWN, LONG) if plant in STABLE else (EARLY,)
-        for method in (PLID, UD, RML, RLS) if plant in STABLE else (PLID, UD):
+        marks, compared = ((SHOWN, LONG), (PLID, UD, RML, RLS)) if plant in STABLE else ((EARLY,), (PLID, UD))
+        for method in compared:
             runs = results[plant, case, method]
             cells: list[Any] = [plant, f"{case}: {printed.NOISE_WORDS[case]}", method]
             cells += [
