@@ -189,8 +189,8 @@ def _unstable(results: Results) -> Iterator[Claim]:
 
 
 def _paired(
-    judge: Callable[..., Claim], key: str, text: str, words: str, results: Results, plant: str, mark: int, one: tuple[int, str], other: tuple[int, str],
-    limit: float = 0.0,
+    judge: Callable[..., Claim], key: str, text: str, words: str, results: Results, plant: str, mark: int,
+    one: tuple[int, str], other: tuple[int, str], limit: float = 0.0,
 ) -> Claim:  # fmt: skip
     pairs = zip(results[plant, *one], results[plant, *other], strict=True)
     values = [_error(a, plant, mark) - _error(b, plant, mark) for a, b in pairs]
