@@ -117,3 +117,15 @@ def chi_square_bound(degrees: float) -> float:
     from scipy.special import chdtri  # slow to import
 
     return float(chdtri(degrees, 0.05))
+
+
+def student_interval(values: Sequence[float], confidence: float = 0.95) -> Interval:
+    """Return the mean with the interval of Student's t: a bias is one of the mean. One value has an infinite interval."""
+    from scipy.stats import t as student  # slow to import
+
+    data = np.asarray(values, dtype=np.float64)
+    mean = float(np.mean(data))
+    if data.size < 2:
+        return Interval(mean, -np.inf, np.inf, data.size)
+    half = float(student.ppf(0.5 + 0.5 * confidence, data.size - 1) * np.std(data, ddof=1) / np.sqrt(data.size))
+    return Interval(mean, mean - half, mean + half, data.size)
