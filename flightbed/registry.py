@@ -41,7 +41,10 @@ _BUILT_IN = MappingProxyType(
             "cg-shift": "cg_shift",
         },
         "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls"},
-        "studies": {"sillence": "flightbed.studies.sillence.study:sillence"},
+        "studies": {
+            "gupta": "flightbed.studies.gupta.study:gupta",
+            "sillence": "flightbed.studies.sillence.study:sillence",
+        },
     }
 )
 
