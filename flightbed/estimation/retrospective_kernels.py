@@ -47,7 +47,7 @@ def stacked(
 ) -> tuple[Array, Array, Array]:
     """Return H~ (s p, g m), Z (s p,) and U-hat~ (g m,) of eqs (17)-(20).
 
-    z = y - y^ makes past inputs enter with a minus, which (9)-(12) lack: H~ has blocks -H_i. With the printed sign it diverges.
+    z = y - y^ makes past inputs enter with a minus, which (9)-(12) lack: H~ has blocks -H_i.
 
     Args:
         H: (depth, r, p, m); Z: (depth, p); U: (depth, m).

@@ -107,7 +107,7 @@ _GLANCE = (
     "at random (standard deviations 1 m and 1 m/s; the missile 1 g, 0.1 rad/s, 0.05 rad), the input at a random phase, the estimator at 0. "
     "Durations: 1000 samples, 300 in example 3, 3000 in example 4. 'As printed' has lambda = 1; 'with forgetting' 0.99.",
     "Where the model has the wrong damping (example 4) no u^ can make z vanish but the equivalent input: what would move the wrong "
-    "model's output as u moves the plant's, G(plant)/G(model) times u at that frequency. That it is which is reconstructed.",
+    "model's output as u moves the plant's, G(plant)/G(model) times u at that frequency. It is this that is reconstructed.",
 )
 
 
