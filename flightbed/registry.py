@@ -47,6 +47,7 @@ _BUILT_IN = MappingProxyType(
         },
         "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls", "two-stage": "two_stage"},
         "studies": {
+            "gupta": "flightbed.studies.gupta.study:gupta",
             "kemp": "flightbed.studies.kemp.study:kemp",
             "sillence": "flightbed.studies.sillence.study:sillence",
             "wu": "flightbed.studies.wu.study:wu",

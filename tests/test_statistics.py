@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binom, percentileofscore, quantile_test, ttest_1samp
 
-from flightbed.statistics import Interval, mean_interval, median_interval, outcome, rank, share, spread
+from flightbed.statistics import Interval, median_interval, outcome, rank, share, spread, student_interval
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 40])
@@ -112,12 +112,14 @@ def test_the_interval_of_a_mean_is_scipys_and_covers(rng: np.random.Generator) -
     values = rng.lognormal(size=12)
     for confidence in (0.95, 0.99):
         theirs = ttest_1samp(values, 0.0).confidence_interval(confidence)
-        found = mean_interval(values.tolist(), confidence)
+        found = student_interval(values.tolist(), confidence)
         assert (found.estimate, found.low, found.high) == pytest.approx((values.mean(), theirs.low, theirs.high))
         assert found.runs == 12
-    held = [i.low < 0.5 < i.high for i in (mean_interval((0.5 + rng.standard_normal(8)).tolist()) for _ in range(2000))]
+    held = [
+        i.low < 0.5 < i.high for i in (student_interval((0.5 + rng.standard_normal(8)).tolist()) for _ in range(2000))
+    ]
     assert 0.95 == pytest.approx(np.mean(held), abs=4.0 * np.sqrt(0.95 * 0.05 / 2000))
 
 
 def test_the_mean_of_one_value_has_an_infinite_interval() -> None:
-    assert mean_interval([3.0]) == Interval(3.0, -np.inf, np.inf, 1)
+    assert student_interval([3.0]) == Interval(3.0, -np.inf, np.inf, 1)

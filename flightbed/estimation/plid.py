@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.estimation.kernels import compiled
+from flightbed.compiling import compiled
 
 Array = npt.NDArray[np.float64]
 Stored = npt.NDArray[np.floating[Any]]  # float64 or float32, as configured

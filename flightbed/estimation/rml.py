@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.estimation.kernels import compiled
+from flightbed.compiling import compiled
 
 Array = npt.NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flightbed.estimation.kernels import compiled
+from flightbed.compiling import compiled
 from flightbed.estimation.plid import Array, Form, Stored
 
 
