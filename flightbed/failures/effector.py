@@ -70,7 +70,10 @@ def floating(before: Failing, *, surface: str, at_tick: int) -> Failing:
 
 
 def _from(before: Failing, at_tick: int, change: Callable[[Health], Health]) -> Failing:
-    seen, made = HEALTHY, change(HEALTHY)  # what was made last: a flight asks at every tick, and the answer seldom changes
+    seen, made = (
+        HEALTHY,
+        change(HEALTHY),
+    )  # what was made last: a flight asks at every tick, and the answer seldom changes
 
     def health(tick: int) -> Health:
         nonlocal seen, made
