@@ -199,7 +199,7 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
     yield told
     held = sum(bool(claim.holds) for claim in claims)
     yield (
-        f"  {held} of {len(claims)} claims hold; {facts['flights']} flights in {facts['wall_time_s']:.0f} s; "
+        f"  {held} of {len(claims)} claims hold; {facts['flights']} runs in {facts['wall_time_s']:.0f} s; "
         f"{len(document.pictures())} figures; written to {escape(str(written))}"
     )
 

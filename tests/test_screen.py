@@ -37,7 +37,7 @@ def test_a_study_is_told_by_its_first_table_its_claims_and_where_the_rest_is() -
         "no plain share: 0.5 (0.25 to 0.75)",
         "open plain share: 0.5 (0.25 to 0.75)",
         "holds plain share: 0.5 (0.25 to 0.75)",
-        "2 of 4 claims hold; 1234 flights in 6 s; 1 figures; written to studies/plain",
+        "2 of 4 claims hold; 1234 runs in 6 s; 1 figures; written to studies/plain",
     ]
 
 
