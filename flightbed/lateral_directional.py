@@ -54,6 +54,7 @@ class LateralTables:
         mach: (M,) nodes; alpha_rad: (N,).
         coefficients: (M, N, 3, 5): rows beta', p', r'; columns beta, p, r, aileron, rudder; per unit of dynamic pressure, and what depends
             on the airspeed taken out: the first row times V, the columns of p and r times V once more. Kinematics are left out.
+        bent: (M, N, 3, 2): what is added to the columns of aileron and rudder per rad of |beta|; their tables have a kink at 0.
         coupling: (3, 2): what p q and q r add to p' and r' (rows 0, 1), and p r and p^2 - r^2 to q' (row 2).
 
     """
@@ -61,11 +62,17 @@ class LateralTables:
     mach: Matrix
     alpha_rad: Matrix
     coefficients: Matrix
+    bent: Matrix
     coupling: Matrix
 
     def packed(self) -> Matrix:
         """Return all of it as one array, as ``estimation.surfaces_model`` reads it."""
-        parts = (self.coupling.ravel(), self.mach, self.alpha_rad, self.coefficients.ravel())
+        parts = (
+            self.coupling.ravel(),
+            self.mach,
+            self.alpha_rad,
+            np.concatenate([self.coefficients, self.bent], axis=3).ravel(),
+        )
         return np.concatenate([[float(len(self.mach)), float(len(self.alpha_rad))], *parts])
 
 
@@ -75,6 +82,7 @@ _FILL_RAD, _MACHS = (
     0.3,
 )  # nodes at least so close in alpha; so far to either side of the condition's Mach number
 _STEPS = (0.2 * DEG, 0.02, 0.02, 0.5 * DEG, 0.5 * DEG)  # of beta, p, r, aileron, rudder
+_SLIP = 3.0 * DEG  # at which the effect of the surfaces is told again
 _SPIN = 0.1  # rad/s, from which the coupling of rotations is told
 
 
@@ -90,7 +98,7 @@ def tabulate(airframe: Airframe, *, throttle: float) -> LateralTables:
 
     mach = nodes(airframe.breakpoints("mach"), (max(0.1, airframe.mach - _MACHS), airframe.mach + _MACHS), None)
     alphas = nodes(airframe.breakpoints("alpha"), _ALPHAS_RAD, _FILL_RAD)
-    table = np.empty((len(mach), len(alphas), 3, 5))
+    table, bent = np.empty((len(mach), len(alphas), 3, 5)), np.empty((len(mach), len(alphas), 3, 2))
     for i, M in enumerate(mach.tolist()):
         speed = M * sound
         for k, alpha in enumerate(alphas.tolist()):
@@ -99,10 +107,17 @@ def tabulate(airframe: Airframe, *, throttle: float) -> LateralTables:
                 x = np.zeros(5)
                 x[j] = step
                 here[:, j] = (rates(speed, alpha, x) - rates(speed, alpha, -x))[:3] / (2.0 * step)
+            for j in (3, 4):
+                slipping, x = np.array([_SLIP, 0.0, 0.0, 0.0, 0.0]), np.zeros(5)
+                x[j] = _STEPS[j]
+                slope = (rates(speed, alpha, slipping + x) - rates(speed, alpha, slipping - x))[:3] / (2.0 * _STEPS[j])
+                bent[i, k, :, j - 3] = (slope - here[:, j]) / _SLIP
             here[0, 1] -= np.sin(alpha)
             here[0, 2] += np.cos(alpha)
         table[i] /= 0.7 * pressure * M * M
+        bent[i] /= 0.7 * pressure * M * M
         table[i, :, 0, :] *= speed
+        bent[i, :, 0, :] *= speed
         table[i, :, :, 1:3] *= speed
 
     def spun(p: float, q: float, r: float) -> Matrix:
@@ -116,7 +131,7 @@ def tabulate(airframe: Airframe, *, throttle: float) -> LateralTables:
     even = 0.5 * (spun(s, 0, s) + spun(-s, 0, -s) - spun(s, 0, -s) - spun(-s, 0, s)) / (2.0 * s * s)
     square = 0.25 * (spun(s, 0, 0) + spun(-s, 0, 0) - spun(0, 0, s) - spun(0, 0, -s)) / (s * s)
     coupling = np.array([[by_pq[1], by_qr[1]], [by_pq[2], by_qr[2]], [even[3], square[3]]])
-    return LateralTables(mach, alphas, table, coupling)
+    return LateralTables(mach, alphas, table, bent, coupling)
 
 
 def lateral_directional(

@@ -25,7 +25,7 @@ CONDITIONS = [(0.8, 20000.0), (0.6, 20000.0), (0.5, 5000.0), (0.7, 30000.0)]
 
 def _tabulated(turning: LateralDirectional, mach: float, altitude_ft: float) -> tuple[np.ndarray, np.ndarray]:
     A, B = np.zeros((5, 5)), np.zeros((5, 3))
-    surfaces_model.lateral_rates(turning.tables.packed(), A, B, turning.alpha_trim_rad, mach, altitude_ft * FT)
+    surfaces_model.lateral_rates(turning.tables.packed(), A, B, turning.alpha_trim_rad, 0.0, mach, altitude_ft * FT)
     return A[2:, 2:], B[2:, 1:]
 
 

@@ -10,13 +10,13 @@ from flightbed.units import G0
 
 
 @compiled
-def lateral_rates(tables: Array, A: Array, B: Array, alpha: float, mach: float, altitude_m: float) -> None:
-    """Write roll and yaw into the lower right of A (5, 5) and the last columns of B (5, 3), about symmetric flight at this alpha.
+def lateral_rates(tables: Array, A: Array, B: Array, alpha: float, beta: float, mach: float, altitude_m: float) -> None:
+    """Write roll and yaw into the lower right of A (5, 5) and the last columns of B (5, 3), about flight at this alpha and sideslip.
 
     Args:
         tables: ``LateralTables.packed()``.
         A, B: continuous; rows and columns alpha, q, beta, p, r, and elevator, aileron, rudder.
-        alpha, mach, altitude_m: where.
+        alpha, beta, mach, altitude_m: where; of beta only what aileron and rudder do depends on it.
 
     """
     machs, alphas = int(tables[0]), int(tables[1])
@@ -26,13 +26,13 @@ def lateral_rates(tables: Array, A: Array, B: Array, alpha: float, mach: float, 
     low, high = tables[8 + machs], tables[8 + machs + alphas - 1]
     i, x = cell(tables, 8, machs, mach)
     j, y = cell(tables, 8 + machs, alphas, min(max(alpha, low), high))
-    here = table + 15 * (i * alphas + j)
-    there = here + 15 * alphas
+    here = table + 21 * (i * alphas + j)
+    there = here + 21 * alphas
     for row in range(3):
-        for column in range(5):
-            at = 5 * row + column
-            slow = (1.0 - y) * tables[here + at] + y * tables[here + at + 15]
-            fast = (1.0 - y) * tables[there + at] + y * tables[there + at + 15]
+        for column in range(7):
+            at = 7 * row + column
+            slow = (1.0 - y) * tables[here + at] + y * tables[here + at + 21]
+            fast = (1.0 - y) * tables[there + at] + y * tables[there + at + 21]
             value = qbar * ((1.0 - x) * slow + x * fast)
             if row == 0:
                 value /= speed
@@ -40,8 +40,10 @@ def lateral_rates(tables: Array, A: Array, B: Array, alpha: float, mach: float, 
                 value /= speed
             if column < 3:
                 A[2 + row, 2 + column] = value
-            else:
+            elif column < 5:
                 B[2 + row, column - 2] = value
+            else:
+                B[2 + row, column - 4] += value * abs(beta)
     A[2, 3] += sin(alpha)
     A[2, 4] -= cos(alpha)
 
@@ -74,7 +76,7 @@ def local_model(
     for i in range(2):
         A[i, 0], A[i, 1], B[i, 0] = pitch[i, 1], pitch[i, 2], pitch[i, 3]
         G[i, 8] = pitch[i, 0] - pitch[i, 1] * alpha - pitch[i, 2] * q - pitch[i, 3] * believed * elevator
-    lateral_rates(tables, A, B, alpha, mach, altitude_m)
+    lateral_rates(tables, A, B, alpha, beta, mach, altitude_m)
     speed = mach * air(altitude_m)[1]
     G[0, 8] -= (p * cos(alpha) + r * sin(alpha)) * tan(beta)
     G[1, 8] += tables[6] * p * r + tables[7] * (p * p - r * r)
