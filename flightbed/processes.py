@@ -60,6 +60,9 @@ class Processes(Executor):
                 "processes that should fly end before they have begun; in a script of your own fly below "
                 "if __name__ == '__main__':, else see whether memory is short"
             ) from None
+        # Our own copy of the end that the process writes to: while it is open, a result that a killed process had written in part would be
+        # waited for to its end, for ever. The pool begins no other process that would need it.
+        pool._result_queue._writer.close()  # type: ignore[attr-defined]
         return pool
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:

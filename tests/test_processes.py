@@ -1,0 +1,43 @@
+"""Processes that die: whenever that is, their task fails, and nothing waits for ever."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import time
+from concurrent.futures import BrokenExecutor, wait
+
+import numpy as np
+import pytest
+
+from flightbed.processes import Processes
+
+TASKS = 200
+
+
+def _large(number: int) -> tuple[int, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+    """More than a pipe holds: a kill often meets a result that is written in part."""
+    return number, np.zeros(60_000)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="kills processes")
+def test_a_process_that_is_killed_while_it_hands_over_fails_its_task_and_no_other(rng: np.random.Generator) -> None:
+    for _ in range(6):
+        executor = Processes(2)
+        try:
+            futures = [executor.submit(_large, i) for i in range(TASKS)]
+            futures[3].result(timeout=60)
+            workers = [process.pid for process in multiprocessing.active_children()]
+            time.sleep(rng.uniform(0.0, 0.02))
+            os.kill(int(rng.choice([pid for pid in workers if pid is not None])), signal.SIGKILL)
+            done, left = wait(futures, timeout=60)
+            assert not left
+            errors = [future.exception() for future in done if future.exception() is not None]
+            assert len(errors) <= 1
+            assert all(isinstance(error, BrokenExecutor) for error in errors)
+            kept = sorted(future.result()[0] for future in done if future.exception() is None)
+            assert len(kept) >= TASKS - 1
+        finally:
+            executor.shutdown()
