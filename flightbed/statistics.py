@@ -94,3 +94,15 @@ def median_interval(values: Sequence[float]) -> Interval:
     k = int(binom.ppf(0.025, data.size, 0.5))  # P(count < k) <= 0.025 < P(count <= k)
     low, high = (float(data[k - 1]), float(data[-k])) if k else (-np.inf, np.inf)
     return Interval(float(np.median(data)), low, high, data.size)
+
+
+def mean_interval(values: Sequence[float], confidence: float = 0.95) -> Interval:
+    """Return the mean with the interval of Student's t: a bias is one of the mean. One value has an infinite interval."""
+    from scipy.stats import t as student  # slow to import
+
+    data = np.asarray(values, dtype=np.float64)
+    mean = float(np.mean(data))
+    if data.size < 2:
+        return Interval(mean, -np.inf, np.inf, data.size)
+    half = float(student.ppf(0.5 + 0.5 * confidence, data.size - 1) * np.std(data, ddof=1) / np.sqrt(data.size))
+    return Interval(mean, mean - half, mean + half, data.size)

@@ -7,9 +7,9 @@ from math import isnan
 
 import numpy as np
 import pytest
-from scipy.stats import beta, binom, percentileofscore, quantile_test
+from scipy.stats import beta, binom, percentileofscore, quantile_test, ttest_1samp
 
-from flightbed.statistics import Interval, median_interval, outcome, rank, share, spread
+from flightbed.statistics import Interval, mean_interval, median_interval, outcome, rank, share, spread
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 40])
@@ -106,3 +106,18 @@ def test_an_outcome_is_of_those_that_stayed_and_of_those_that_went() -> None:
     found = outcome([1.0, 9.0, 3.0, 2.0], [None, 7.5, None, None])
     assert (found.stayed.median, found.stayed.missing) == (2.0, 1)
     assert (found.gone_s.median, found.gone_s.missing) == (7.5, 3)
+
+
+def test_the_interval_of_a_mean_is_scipys_and_covers(rng: np.random.Generator) -> None:
+    values = rng.lognormal(size=12)
+    for confidence in (0.95, 0.99):
+        theirs = ttest_1samp(values, 0.0).confidence_interval(confidence)
+        found = mean_interval(values.tolist(), confidence)
+        assert (found.estimate, found.low, found.high) == pytest.approx((values.mean(), theirs.low, theirs.high))
+        assert found.runs == 12
+    held = [i.low < 0.5 < i.high for i in (mean_interval((0.5 + rng.standard_normal(8)).tolist()) for _ in range(2000))]
+    assert 0.95 == pytest.approx(np.mean(held), abs=4.0 * np.sqrt(0.95 * 0.05 / 2000))
+
+
+def test_the_mean_of_one_value_has_an_infinite_interval() -> None:
+    assert mean_interval([3.0]) == Interval(3.0, -np.inf, np.inf, 1)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.control import placement
 from flightbed.control.base import Gains
 from flightbed.errors import DesignError
 from flightbed.short_period import ShortPeriod, zero_order_hold
@@ -103,21 +104,9 @@ def _with_integrator(A: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:
 
 
 def _place(A: Matrix, b: Matrix, poles: tuple[complex, ...]) -> list[float]:
-    """Return the gains k, added to the input, that put the eigenvalues of A + b k at the poles.
-
-    Ackermann's formula: with one input the gains are unique, and at n <= 4 its loss of digits does not matter.
-    """
+    """Return the gains k, added to the input, that put the eigenvalues of A + b k at the poles."""
     wanted = ", ".join(f"{p.real:.4g}{p.imag:+.4g}j" if p.imag else f"{p.real:.4g}" for p in poles)
-    n = len(b)
-    if len(poles) != n:
-        raise DesignError(f"cannot place the poles {wanted}: the loop has {n} states, {len(poles)} poles are given")
-    polynomial = np.poly(np.array(poles))
-    if np.max(np.abs(polynomial.imag)) > 1e-9 * np.max(np.abs(polynomial)):
-        raise DesignError(f"cannot place the poles {wanted}: complex poles must come in conjugate pairs")
-    controllability = np.column_stack([np.linalg.matrix_power(A, i) @ b for i in range(n)])
-    if np.linalg.cond(controllability) > 1e12:
-        raise DesignError(f"cannot place the poles {wanted}: the elevator does not control the model")
-    value = np.zeros((n, n))
-    for coefficient in polynomial.real:  # Horner
-        value = value @ A + coefficient * np.eye(n)
-    return [-float(gain) for gain in np.linalg.solve(controllability.T, np.eye(n)[-1]) @ value]
+    try:
+        return [-float(gain) for gain in placement.gains(A, b, poles)]
+    except ValueError as problem:
+        raise DesignError(f"cannot place the poles {wanted}: {problem}") from None

@@ -13,6 +13,7 @@ from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
 from flightbed.statistics import median_interval, spread
 from flightbed.studies.base import Part, keyed
+from flightbed.studies.judging import above, below
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.measures import SETTLED_S, peak, rms_after, rms_before, tracking, within
 from flightbed.studies.sillence.plots import NOISES, TIME
@@ -102,26 +103,12 @@ def judged(flown: _Flights) -> Iterator[Claim]:
     yield _coverage(flown)
 
 
-def _below(key: str, text: str, measured: str, values: Sequence[float], limit: float = 0.0) -> Claim:
-    interval = median_interval(values)
-    return Claim(
-        key, text, measured, interval, True if interval.high < limit else False if interval.low >= limit else None
-    )
-
-
-def _above(key: str, text: str, measured: str, values: Sequence[float], limit: float = 0.0) -> Claim:
-    interval = median_interval(values)
-    return Claim(
-        key, text, measured, interval, True if interval.low > limit else False if interval.high <= limit else None
-    )
-
-
 def _quicker(flown: _Flights) -> Iterator[Claim]:
     for left in printed.GAINS_LEFT:
         flights = flown[f"fixed {left:g}"]
         for metric, word in (("first_within_20pct_s", "raw"), ("first_within_20pct_smoothed_s", "smoothed")):
             saved = [_sooner(f, (WINDOW, metric), (EXPANDING, "first_within_20pct_s")) for f in flights]
-            yield _below(
+            yield below(
                 f"window_quicker_{left:g}_{word}",
                 f"The moving window, {word}, finds K_1 = {left:g} sooner than the expanding horizon.",
                 "entry into 20 % of K_1, window less expanding horizon, s",
@@ -139,7 +126,7 @@ def _sooner(flown: Flown, one: tuple[str, str], other: tuple[str, str]) -> float
 
 def _larger_failure(flown: _Flights) -> Iterator[Claim]:
     for left in printed.GAINS_LEFT:
-        yield _below(
+        yield below(
             f"better_after_{left:g}",
             f"With a fixed law K is estimated better after the failure than before it, K_1 = {left:g}.",
             "RMS error of the window's K-hat, after less before",
@@ -147,7 +134,7 @@ def _larger_failure(flown: _Flights) -> Iterator[Claim]:
         )
     for less, more in pairwise(printed.GAINS_LEFT):
         pairs = zip(flown[f"fixed {less:g}"], flown[f"fixed {more:g}"], strict=True)
-        yield _below(
+        yield below(
             f"larger_better_{more:g}",
             f"The larger the failure that the fixed law does not follow, the better K is estimated after it: {more:g} against {less:g}.",
             f"RMS error after the failure, K_1 = {more:g} less K_1 = {less:g}",
@@ -155,7 +142,7 @@ def _larger_failure(flown: _Flights) -> Iterator[Claim]:
         )
     for feedback, fed in LAWS_READ:
         pairs = zip(flown["fixed 0.2"], flown[f"{feedback}, {fed}"], strict=True)
-        yield _above(
+        yield above(
             f"adaptation_costs_excitation_{feedback}_{fed}",
             f"Once adaptation has restored tracking, K is estimated worse than with the fixed law, K_1 = 0.2; {_law(feedback, fed)}.",
             "RMS error after the failure, before the bounds, adapted less fixed",
@@ -171,7 +158,7 @@ def _law(feedback: str, fed: str) -> str:
 def _noise(flown: _Flights) -> Iterator[Claim]:
     for low, high in (("23.29", "40"), ("40", "60")):
         pairs = zip(flown[f"fixed at {low} dB"], flown[f"fixed at {high} dB"], strict=True)
-        yield _below(
+        yield below(
             f"snr_{low}_{high}",
             f"The estimate is better at {high} dB than at {low} dB.",
             f"RMS error after the failure, {high} dB less {low} dB",
@@ -181,13 +168,13 @@ def _noise(flown: _Flights) -> Iterator[Claim]:
 
 def _sizes(flown: _Flights) -> Iterator[Claim]:
     flights = flown["sizes"]
-    yield _below(
+    yield below(
         "shorter_quicker",
         "A shorter window finds the failure sooner: 15 samples against 60.",
         "entry into 20 % of K_1 = 0.2, 15 samples less 60, s",
         [_sooner(f, (SMALL, "first_within_20pct_s"), (LARGE, "first_within_20pct_s")) for f in flights],
     )
-    yield _below(
+    yield below(
         "longer_calmer",
         "A longer window fluctuates less: 60 samples against 15.",
         "standard deviation of K-hat before the failure, 60 samples less 15",
@@ -210,7 +197,7 @@ def _bounds(flown: _Flights) -> Iterator[Claim]:
         if span[0] < printed.FAILED_AT_S and left != 0.2:
             continue  # before the failure the flights are the same
         pairs = zip(flown[f"23 dB bounded {left:g}"], flown[f"23 dB unbounded {left:g}"], strict=True)
-        yield _below(
+        yield below(
             f"bounded_{left:g}_{'pre' if span[0] < printed.FAILED_AT_S else 'post'}",
             f"At 23 dB the adaptive law tracks better with K-hat kept within 0 and 1, {words}, K_1 = {left:g}.",
             "RMS of q - reference, bounded less unbounded, deg/s",
@@ -218,14 +205,14 @@ def _bounds(flown: _Flights) -> Iterator[Claim]:
         )
     for left in (0.2, 0.1):
         bounded, unbounded = flown[f"23 dB bounded {left:g}"], flown[f"23 dB unbounded {left:g}"]
-        yield _above(
+        yield above(
             f"bounded_significant_{left:g}",
             f"... and the improvement is significant, at least {SIGNIFICANT:.0%} of the RMS, K_1 = {left:g}.",
             "share of the RMS of q - reference from 0.3 s after the failure that the bounds save",
             [1.0 - tracking(a, SETTLED_S) / tracking(b, SETTLED_S) for a, b in zip(bounded, unbounded, strict=True)],
             SIGNIFICANT,
         )
-        yield _above(
+        yield above(
             f"hump_removed_{left:g}",
             f"... and removes the hump of q just after the failure (Figs. 40, 41), at least {REMOVED:.0%} of the largest error, "
             f"K_1 = {left:g}.",
@@ -241,7 +228,7 @@ def _adaptation(flown: _Flights) -> Iterator[Claim]:
         for flights in zip(flown["fixed 0.2"], flown[f"{feedback}, {fed}"], flown["nothing fails"], strict=True):
             fixed, adapted, whole = (tracking(f, SETTLED_S) for f in flights)
             regained.append((fixed - adapted) / (fixed - whole))
-        yield _above(
+        yield above(
             f"adaptive_near_unfailed_{feedback}_{fed}",
             f"Adaptation at K_1 = 0.2 brings tracking near that of the flight without failure, at least {NEAR:.0%} of the way; "
             f"{_law(feedback, fed)}.",
@@ -280,7 +267,7 @@ def _adaptation_table(flown: _Flights) -> Table:
 
 
 def _coverage(flown: _Flights) -> Claim:
-    return _above(
+    return above(
         "two_sigma",
         "Two sigma around the window's estimate hold the truth 95 % of the time (Fig. 34), windows that hold the failure left out.",
         "share of the estimates within two sigma of the truth, K_1 = 0.6, this study's set-up",

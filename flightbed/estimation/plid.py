@@ -1,0 +1,264 @@
+"""Pseudo-linear identification (PLID): state and parameters of a plant of any order from one linear Kalman filter.
+
+With one input and one output, the observable-canonical form x+ = J x + a y + b u, y = x_n + b_n u (J shifts down) is linear in state and
+parameters together once y is measured: s = (x, a, b[, b_n]) obeys s+ = F(y, u) s, y = H(u) s, and the Kalman filter applies. (Kemp,
+Pseudo-Linear Identification and Its Application to Adaptive Control, MS thesis, Virginia Polytechnic Institute, 1987, S 2.2-2.4.)
+
+Without noise of the readings (r = 0) y in F is exact and the filter is the exact conditional mean: unbiased under process noise. With
+it y in F is noisy, which the filter does not know: the parameters are biased.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed.compiling import compiled
+
+Array = npt.NDArray[np.float64]
+Stored = npt.NDArray[np.floating[Any]]  # float64 or float32, as configured
+Step = Callable[..., tuple[Any, Any, Any]]  # numbers of that type
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """What keeps the filter from falling asleep when the plant may change (Kemp S 4.1-4.3); nothing of it by default.
+
+    Attributes:
+        block_fade: alpha >= 1 on the covariance of the parameters alone, eq (4.3): the tracking PLID; the thesis takes 1.001.
+        whole_fade: alpha >= 1 on the whole F P F', eq (4.2): Gelb's fading memory.
+        pseudonoise_var: gamma, added to the variance of each parameter at every sample, eq (4.1).
+        reset_every: samples after which the covariance is set to the prior's again; 0 never.
+        reset_below: the covariance is reset when the norm of the parameters' Kalman gains falls below (the state's stay up in noise);
+            0 never.
+
+    """
+
+    block_fade: float = 1.0
+    whole_fade: float = 1.0
+    pseudonoise_var: float = 0.0
+    reset_every: int = 0
+    reset_below: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.block_fade < 1.0 or self.whole_fade < 1.0:
+            raise ValueError(f"fade factors must be at least 1 (got {self.block_fade:g} and {self.whole_fade:g})")
+        if self.pseudonoise_var < 0.0 or self.reset_every < 0 or self.reset_below < 0.0:
+            raise ValueError("pseudonoise and limits of resetting must not be negative")
+
+
+@dataclass(frozen=True)
+class PlidConfig:
+    """Settings of the filter. Input and output in the caller's units; variances in their squares.
+
+    Attributes:
+        order: n, of the plant.
+        feedthrough: whether the output holds b_n u of the same sample, and b_n is identified: 3n + 1 states instead of 3n.
+        process_var: q of Q_1 = q I, process noise on each state, eq (3.3).
+        output_var: r, noise of the readings of y.
+        prior: s(0) = (x, a, b[, b_n]), each lowest index first; zeros if empty, eq (2.24).
+        prior_var: P(0): one variance for all, or one for each.
+        tracking: how changes of the plant are followed.
+        dtype: of state and covariance, and of every operation on them.
+
+    """
+
+    order: int
+    feedthrough: bool = False
+    process_var: float = 0.0
+    output_var: float = 0.0
+    prior: tuple[float, ...] = ()
+    prior_var: float | tuple[float, ...] = 200.0
+    tracking: Tracking = field(default_factory=Tracking)
+    dtype: Literal["float64", "float32"] = "float64"
+
+    def __post_init__(self) -> None:
+        if self.order < 1:
+            raise ValueError(f"order must be at least 1 (got {self.order})")
+        if self.process_var < 0.0 or self.output_var < 0.0 or np.min(self.prior_var) < 0.0:
+            raise ValueError("variances must not be negative")
+        for name, value in (("prior", self.prior), ("prior_var", self.prior_var)):
+            if isinstance(value, tuple) and len(value) not in (self.size, 0 if name == "prior" else self.size):
+                raise ValueError(f"{name} needs {self.size} values, of x, a and b (got {len(value)})")
+
+    @property
+    def size(self) -> int:
+        """Number of states of the filter."""
+        return 3 * self.order + self.feedthrough
+
+
+@dataclass(frozen=True)
+class Form:
+    """How the covariance is held and advanced.
+
+    Attributes:
+        step: the kernel, as ``step``.
+        start: (N,) variances -> what is stored, (N, N), float64.
+        covariance: what is stored -> P.
+
+    """
+
+    step: Step
+    start: Callable[[Array], Array]
+    covariance: Callable[[Array], Array]
+
+
+@compiled
+def step(
+    s: Stored,
+    P: Stored,
+    gain: Stored,
+    settings: Stored,
+    y_before: float,
+    u_before: float,
+    y: float,
+    u: float,
+    first: bool,
+) -> tuple[Any, Any, Any]:
+    """Advance state and covariance by one sample, Kemp eqs (2.23) with the fading of (4.1)-(4.3).
+
+    Departures: only one half of P is computed in the correction and mirrored, so that it stays symmetric (the listing lets the halves
+    drift apart); an innovation variance that round-off made negative changes nothing (the listing divides by it); y(0) corrects the
+    prior too, as in (2.26), which for a diagonal prior changes nothing that follows when there is no feedthrough.
+
+    Args:
+        s: (N,) extended state, updated.
+        P: (N, N) covariance, updated.
+        gain: (N,) Kalman gain, written.
+        settings: r, q, whole fade, block fade, gamma, the smallest normal number.
+        y_before, u_before: output and input of the sample before.
+        y, u: output and, for feedthrough, input of this sample.
+        first: no sample was before.
+
+    Returns:
+        innovation, its variance, squared norm of the parameters' gains.
+
+    """
+    real = s.dtype.type
+    zero = real(0.0)
+    N = s.shape[0]
+    n = N // 3
+    r, q, whole, block, gamma = settings[0], settings[1], settings[2], settings[3], settings[4]
+    yb, ub, yn, un = real(y_before), real(u_before), real(y), real(u)
+    if not first:
+        for i in range(n - 1, -1, -1):  # s- = F s, F P: upwards, so that row i - 1 is still the old one
+            above = s[i - 1] if i > 0 else zero
+            s[i] = above + yb * s[n + i] + ub * s[2 * n + i]
+            for j in range(N):
+                above = P[i - 1, j] if i > 0 else zero
+                P[i, j] = above + yb * P[n + i, j] + ub * P[2 * n + i, j]
+        for i in range(n - 1, -1, -1):  # (F P) F'
+            for j in range(N):
+                above = P[j, i - 1] if i > 0 else zero
+                P[j, i] = above + yb * P[j, n + i] + ub * P[j, 2 * n + i]
+        for i in range(N):
+            for j in range(N):
+                P[i, j] *= whole
+            P[i, i] += q if i < n else gamma
+        for i in range(n, N):
+            for j in range(n, N):
+                P[i, j] *= block
+    feed = N % 3 == 1
+    innovation = yn - s[n - 1]
+    if feed:
+        innovation -= un * s[N - 1]
+    for i in range(N):
+        gain[i] = P[i, n - 1] + un * P[i, N - 1] if feed else P[i, n - 1]
+    variance = r + gain[n - 1]
+    if feed:
+        variance += un * gain[N - 1]
+    norm = zero
+    if variance > zero:
+        for i in range(N):
+            part = gain[i] / variance
+            s[i] += part * innovation
+            if i >= n:
+                norm += part * part
+            for j in range(i, N):
+                P[i, j] -= part * gain[j]
+                P[j, i] = P[i, j]
+        for i in range(N):
+            gain[i] /= variance
+    else:
+        gain[:] = zero
+    return innovation, variance, norm
+
+
+CONVENTIONAL = Form(step, np.diag, lambda P: P)
+
+
+class Plid:
+    """A filter at work; owns its state.
+
+    Args:
+        config: settings.
+        form: of the covariance: as it is, or factored (``udu.FACTORED``).
+
+    """
+
+    def __init__(self, config: PlidConfig, form: Form = CONVENTIONAL) -> None:
+        tracking = config.tracking
+        self.config, self._form, self._type = config, form, np.dtype(config.dtype)
+        self._s = np.zeros(config.size, dtype=self._type)
+        if config.prior:
+            self._s[:] = config.prior
+        self._gain = np.zeros_like(self._s)
+        memory = (tracking.whole_fade, tracking.block_fade, tracking.pseudonoise_var)
+        self._settings = np.array(
+            [config.output_var, config.process_var, *memory, np.finfo(self._type).tiny], dtype=self._type
+        )
+        self._reset = (tracking.reset_every, tracking.reset_below**2)
+        self._stored = self._start()
+        self._y, self._count = 0.0, 0
+        self.innovation, self.innovation_var = 0.0, 0.0
+
+    def _start(self) -> Stored:
+        variances = np.broadcast_to(np.asarray(self.config.prior_var, dtype=np.float64), (self.config.size,))
+        return np.ascontiguousarray(self._form.start(variances), dtype=self._type)
+
+    def update(self, y: float, u_before: float, u: float = 0.0) -> None:
+        """Take the reading of the next sample.
+
+        Args:
+            y: output.
+            u_before: input that acted since the last sample; not used with the first.
+            u: input of this sample; used with feedthrough only.
+
+        """
+        first = self._count == 0
+        self.innovation, self.innovation_var, norm = self._form.step(
+            self._s, self._stored, self._gain, self._settings, self._y, u_before, y, u, first
+        )
+        self._y, self._count = y, self._count + 1
+        every, below = self._reset
+        if (every and self._count % every == 0) or (below and norm < below and not first):
+            self._stored = self._start()
+
+    @property
+    def extended_state(self) -> Array:
+        """Extended state (x, a, b[, b_n]), (N,)."""
+        return self._s.astype(np.float64)
+
+    @property
+    def state(self) -> Array:
+        """State x, (n,); the last is the filtered output (less feedthrough)."""
+        return self._s[: self.config.order].astype(np.float64)
+
+    @property
+    def parameters(self) -> Array:
+        """Parameters a_0 ... a_(n-1), b_0 ... b_(n-1)[, b_n]: y(k) = sum a_(n-i) y(k-i) + b_(n-i) u(k-i), eq (2.8)."""
+        return self._s[self.config.order :].astype(np.float64)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance P, (N, N)."""
+        return self._form.covariance(self._stored.astype(np.float64))
+
+    @property
+    def gain(self) -> Array:
+        """Kalman gain of the last sample, (N,)."""
+        return self._gain.astype(np.float64)

@@ -1,0 +1,88 @@
+"""The identifiers that the study compares, by name, and what each says of a record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed.estimation import udu
+from flightbed.estimation.plid import Plid, PlidConfig, Tracking
+from flightbed.estimation.rml import Rml, RmlConfig
+from flightbed.studies.kemp import printed
+from flightbed.studies.kemp.plants import Record
+
+Array = npt.NDArray[np.float64]
+
+PLID, UD, RML, RLS = "PLID", "U-D", "RML", "RLS"
+SINGLE, UD_SINGLE = "PLID, single precision", "U-D, single precision"
+BLOCK, UD_BLOCK, WHOLE, FADING_RML = "block fade", "U-D, block fade", "whole fade", "fading RML"
+PSEUDONOISE, RESET, SLEEPY = "pseudonoise", "reset every 20", "reset of a small gain"
+FORGETTING = 0.98  # of the fading RML; the thesis does not say
+GAMMA, RESET_EVERY, RESET_BELOW = 1e-4, 20, 1e-2  # nor what was tried of these
+
+
+class Identifier(Protocol):
+    """What an identifier does."""
+
+    def update(self, y: float, u_before: float, /) -> None:
+        """Take the reading of the next sample, and the input before it."""
+
+    @property
+    def parameters(self) -> Array:
+        """The estimate, (2n,)."""
+
+
+def _plid(
+    order: int, r: float, q: float, *, factored: bool = False, tracking: Tracking | None = None, **more: Any
+) -> Plid:
+    config = PlidConfig(
+        order, process_var=q, output_var=r, prior_var=printed.PRIOR_VAR, tracking=tracking or Tracking(), **more
+    )
+    return Plid(config, udu.FACTORED) if factored else Plid(config)
+
+
+def _rml(
+    order: int, _r: float, _q: float, *, noise_prior_var: float = printed.NOISE_PRIOR_VAR, forgetting: float = 1.0
+) -> Rml:
+    return Rml(RmlConfig(order, printed.PRIOR_VAR, noise_prior_var, forgetting))
+
+
+_FADE = Tracking(printed.FADE)
+_MAKE: MappingProxyType[str, Callable[[int, float, float], Identifier]] = MappingProxyType(
+    {
+        PLID: _plid,
+        UD: partial(_plid, factored=True),
+        SINGLE: partial(_plid, dtype="float32"),
+        UD_SINGLE: partial(_plid, factored=True, dtype="float32"),
+        RML: _rml,
+        RLS: partial(_rml, noise_prior_var=0.0),
+        BLOCK: partial(_plid, tracking=_FADE),
+        UD_BLOCK: partial(_plid, factored=True, tracking=_FADE),
+        WHOLE: partial(_plid, tracking=Tracking(whole_fade=printed.FADE)),
+        PSEUDONOISE: partial(_plid, tracking=Tracking(pseudonoise_var=GAMMA)),
+        RESET: partial(_plid, tracking=Tracking(reset_every=RESET_EVERY)),
+        SLEEPY: partial(_plid, tracking=Tracking(reset_below=RESET_BELOW)),
+        FADING_RML: partial(_rml, forgetting=FORGETTING),
+    }
+)
+
+
+def make(method: str, order: int, r: float, q: float) -> Identifier:
+    """Return an identifier that is told the variances of the noises (RML needs none), from zeros, eqs (3.5) and (3.15)."""
+    return _MAKE[method](order, r, q)
+
+
+def estimates(identifier: Identifier, record: Record) -> Array:
+    """Return what an identifier says at every sample, (N, 2n)."""
+    found = np.empty_like(record.theta)
+    u_before = 0.0
+    for k, (y, u) in enumerate(zip(record.y.tolist(), record.u.tolist(), strict=True)):
+        identifier.update(y, u_before)
+        found[k] = identifier.parameters
+        u_before = u
+    return found
