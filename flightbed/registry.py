@@ -47,11 +47,6 @@ _BUILT_IN = MappingProxyType(
         },
         "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls", "two-stage": "two_stage"},
         "studies": {
-            "sillence": "flightbed.studies.sillence.study:sillence",
-            "wu": "flightbed.studies.wu.study:wu",
-        },
-        "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls", "two-stage": "two_stage"},
-        "studies": {
             "kemp": "flightbed.studies.kemp.study:kemp",
             "sillence": "flightbed.studies.sillence.study:sillence",
             "wu": "flightbed.studies.wu.study:wu",
