@@ -94,6 +94,7 @@ class JsbsimPlant:
         self._moment = fdm.setter(aircraft.properties["effectiveness"])
         self._force = fdm.setter(aircraft.properties["elevator_force"])
         self._shift_cg = fdm.cg_shifter()
+        self._throttle = fdm.setter(aircraft.properties["throttle_norm"])
         self._command(start.elevator_rad)
         self._gusts, self._gust_down = gusts, fdm.setter("atmosphere/gust-down-fps")
         self._frames, self.gust_up_m_s = 0, 0.0
@@ -188,6 +189,10 @@ class JsbsimPlant:
         aileron, rudder = self._lateral_surfaces
         aileron.command(aileron_cmd_rad)
         rudder.command(rudder_cmd_rad)
+
+    def throttle(self, throttle_norm: float) -> None:
+        """Command the engine, 0 to 1, for the control period to come and from then on."""
+        self._throttle(throttle_norm)
 
     def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
         """Fly one control period with the command held and this left of the aircraft.
