@@ -11,16 +11,19 @@ from flightbed import factories, registry
 from flightbed.aircraft import Aircraft
 from flightbed.blame import watched
 from flightbed.command.base import profile
+from flightbed.command.constant import none
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
 from flightbed.control.design import peak_deflection
 from flightbed.control.redesign import Redesign, RedesignedPitch
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator, estimate_names
+from flightbed.kemp_factories import autothrottle
 from flightbed.lateral import LateralAxes
 from flightbed.linear_aircraft import LinearAircraft
+from flightbed.load_factor import LoadFactorAxis
 from flightbed.loop import Flight
-from flightbed.plan import Plan, law_of
+from flightbed.plan import Plan, law_of, load_factor_law_of
 from flightbed.plant.base import Plant
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
@@ -53,14 +56,15 @@ def _assembled(plan: Plan) -> Flight:
     names = names_of(scenario, estimators)
     adaptation = scenario.adaptation
     plant = _plant(plan, health(0), air_seed, process_seed)
-    law = law_of(scenario, design)
+    pulling = _load_factor(plan, plant)
+    law = pulling or law_of(scenario, design)
     lateral = _lateral(plan, plant, names, lateral_seed) if plan.lateral else None
     divides = adaptation.enabled and adaptation.method == "divide"
     return Flight(
         plant=plant,
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
         profile=profile(
-            registry.factory("commands", scenario.command.kind)(scenario.command),
+            registry.factory("commands", scenario.command.kind)(scenario.command) if pulling is None else none(),
             ticks=ticks,
             control_hz=control_hz,
             filter_rad_s=scenario.command.filter_rad_s,
@@ -88,6 +92,27 @@ def _assembled(plan: Plan) -> Flight:
         state_from=names.index(scenario.control.state_from) if scenario.control.state_from else None,
         redesign=None if divides or not adaptation.enabled else _redesign(scenario, law, lateral, names),
         lateral=lateral,
+        load_factor=pulling,
+    )
+
+
+def _load_factor(plan: Plan, plant: Plant) -> LoadFactorAxis | None:
+    """Build the law of a flight that is commanded in g; None for others."""
+    if plan.load_factor is None:
+        return None
+    scenario, command, hz = plan.scenario, plan.scenario.command, plan.scenario.rates.control_hz
+    assert isinstance(plant, JsbsimPlant)
+    asked = profile(
+        registry.factory("commands", command.kind)(command.in_g()),
+        ticks=scenario.ticks,
+        control_hz=hz,
+        filter_rad_s=command.filter_rad_s,
+    )
+    return LoadFactorAxis(
+        plant,
+        load_factor_law_of(scenario, plan.load_factor),
+        list(zip(asked.q_cmd_rad_s.tolist(), asked.q_ref_rad_s.tolist(), strict=True)),
+        autothrottle(scenario.control.autothrottle, airspeed_m_s=plan.trim.airspeed_m_s, control_hz=hz),
     )
 
 
@@ -214,6 +239,7 @@ def sensor_noise(scenario: Scenario) -> SensorNoise:
         sensors.altitude_std_ft * FT,
         sensors.theta_std_deg * DEG,
         sensors.phi_std_deg * DEG,
+        sensors.nz_std_g,
     )
 
 
