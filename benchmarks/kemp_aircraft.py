@@ -60,26 +60,14 @@ def _row(name: str, found: Sequence[PullUp]) -> str:
     text = f"{name:>22} | {len(found) - len(kept):3d}/{len(found)} ({lost.low:.2f} to {lost.high:.2f})"
     if not kept:
         return text
-    for get, factor in ((_overshoot, 100.0), (_undershoot, 100.0), (_disturbance, 1.0), (_flutter, 1.0)):
-        m = median_interval([factor * get(f) for f in kept])
+    columns = (
+        [100.0 * f.overshoot for f in kept], [100.0 * f.undershoot for f in kept], [f.disturbance_g for f in kept],
+        [f.flutter_deg for f in kept], [f.tracking_rms_g for f in kept],
+    )  # fmt: skip
+    for column in columns:
+        m = median_interval(column)
         text += f" | {m.estimate:7.2f} ({m.low:7.2f} to {m.high:7.2f})"
     return text
-
-
-def _overshoot(found: PullUp) -> float:
-    return found.overshoot
-
-
-def _undershoot(found: PullUp) -> float:
-    return found.undershoot
-
-
-def _disturbance(found: PullUp) -> float:
-    return found.disturbance_g
-
-
-def _flutter(found: PullUp) -> float:
-    return found.flutter_deg
 
 
 def table(
@@ -93,7 +81,7 @@ def table(
         found[case][law] = _measured(scenario, flown)
     print(f"\n{title}: {runs * len(jobs)} flights. Medians of those not lost, with intervals of 95 %")
     print(
-        f"{'':>22} | {'lost, share':>19} | {'overshoot, %':>26} | {'undershoot, %':>26} | {'before it, g':>26} | {'flutter, deg':>26}"
+        f"{'':>22} | {'lost, share':>19} | {'overshoot, %':>26} | {'undershoot, %':>26} | {'before it, g':>26} | {'flutter, deg':>26} | {'RMS of the error, g':>26}"
     )
     for case, laws in found.items():
         print(f"  {case}")

@@ -10,8 +10,7 @@ import numpy as np
 from flightbed import factories, registry
 from flightbed.aircraft import Aircraft
 from flightbed.blame import watched
-from flightbed.command.base import profile
-from flightbed.command.constant import none
+from flightbed.command.base import Profile, profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
 from flightbed.control.design import peak_deflection
@@ -28,7 +27,7 @@ from flightbed.plant.base import Plant
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
 from flightbed.sensors import LateralNoise, LateralSensors, SensorErrors, SensorNoise, Sensors
-from flightbed.settings import ModelError, Scenario
+from flightbed.settings import Command, ModelError, Scenario
 from flightbed.signals import Health
 from flightbed.units import DEG, FT, LB
 
@@ -63,12 +62,7 @@ def _assembled(plan: Plan) -> Flight:
     return Flight(
         plant=plant,
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
-        profile=profile(
-            registry.factory("commands", scenario.command.kind)(scenario.command) if pulling is None else none(),
-            ticks=ticks,
-            control_hz=control_hz,
-            filter_rad_s=scenario.command.filter_rad_s,
-        ),
+        profile=_asked(scenario, scenario.command) if pulling is None else _no_pitch_rate(ticks),
         health=health,
         law=law,
         adaptation=Adaptation(
@@ -96,18 +90,27 @@ def _assembled(plan: Plan) -> Flight:
     )
 
 
+def _asked(scenario: Scenario, command: Command) -> Profile:
+    return profile(
+        registry.factory("commands", command.kind)(command),
+        ticks=scenario.ticks,
+        control_hz=scenario.rates.control_hz,
+        filter_rad_s=command.filter_rad_s,
+    )
+
+
+def _no_pitch_rate(ticks: int) -> Profile:
+    """Return the profile of a flight that is asked for no pitch rate, which is not the same as asked for none."""
+    return Profile(np.full(ticks, np.nan), np.full(ticks, np.nan))
+
+
 def _load_factor(plan: Plan, plant: Plant) -> LoadFactorAxis | None:
     """Build the law of a flight that is commanded in g; None for others."""
     if plan.load_factor is None:
         return None
-    scenario, command, hz = plan.scenario, plan.scenario.command, plan.scenario.rates.control_hz
+    scenario, hz = plan.scenario, plan.scenario.rates.control_hz
     assert isinstance(plant, JsbsimPlant)
-    asked = profile(
-        registry.factory("commands", command.kind)(command.in_g()),
-        ticks=scenario.ticks,
-        control_hz=hz,
-        filter_rad_s=command.filter_rad_s,
-    )
+    asked = _asked(scenario, scenario.command.in_g())
     return LoadFactorAxis(
         plant,
         load_factor_law_of(scenario, plan.load_factor),
@@ -141,15 +144,7 @@ def _lateral(plan: Plan, plant: Plant, names: Sequence[str], seed: np.random.See
     assert isinstance(aircraft, Aircraft)
     assert plan.lateral is not None
     hz, ticks = scenario.rates.control_hz, scenario.ticks
-    roll, sideslip = (
-        profile(
-            registry.factory("commands", command.kind)(command),
-            ticks=ticks,
-            control_hz=hz,
-            filter_rad_s=command.filter_rad_s,
-        )
-        for command in (settings.roll, settings.sideslip.as_command())
-    )
+    roll, sideslip = (_asked(scenario, command) for command in (settings.roll, settings.sideslip.as_command()))
     weights = RollYawWeights(*(getattr(settings, key) * DEG for key in _WEIGHTS))
     asked = scenario.adaptation
     corrections = []

@@ -27,7 +27,9 @@ class PullUp:
         undershoot: the same of the other side, in the 3 s after its release, over the command; nan if it is not released.
         disturbance_g: largest |a_n| in the 2 s before it: what a failure that came then has done.
         flutter_deg: RMS of the elevator command above 5 Hz, but for 0.5 s after each change of the command, in which every loop is busy.
-        lost: the flight ended early (before the pulse: then the rest is nan), or |a_n| went beyond four times the command.
+        tracking_rms_g: RMS of a_n less the command, from the pulse's begin to 3 s after its release: what quickness is worth.
+        lost: the flight ended early (before the pulse: then the rest is nan), |a_n| went beyond four times the command, or in the second
+            half of the pulse its mean was not within half of the command.
 
     """
 
@@ -35,6 +37,7 @@ class PullUp:
     undershoot: float
     disturbance_g: float
     flutter_deg: float
+    tracking_rms_g: float
     lost: bool
 
 
@@ -75,12 +78,14 @@ def pull_up(columns: Mapping[str, Vector], *, control_hz: int, ticks: int) -> Pu
     on = np.flatnonzero(command)
     if not on.size:
         if len(command) < ticks:
-            return PullUp(nan, nan, nan, nan, lost=True)
+            return PullUp(nan, nan, nan, nan, nan, lost=True)
         raise ValueError("the flight has no pull-up: its command is zero throughout")
     begin, size = int(on[0]), float(command[on[0]])
     released = np.flatnonzero(command[begin:] != size)
     end = begin + int(released[0]) if released.size else len(command)
     answer = found * np.sign(size)
+    flown, halfway = slice(begin, end + round(_AFTER_S * control_hz)), (begin + end) // 2
+    held = float(np.mean(answer[halfway:end])) / abs(size)
     before = found[max(0, begin - 2 * control_hz) : begin]
     after = answer[end : end + round(_AFTER_S * control_hz)]
     changed = np.flatnonzero(np.diff(command)) + 1
@@ -93,5 +98,6 @@ def pull_up(columns: Mapping[str, Vector], *, control_hz: int, ticks: int) -> Pu
         undershoot=-float(np.min(after)) / abs(size) if after.size else nan,
         disturbance_g=float(np.max(np.abs(before))) if before.size else 0.0,
         flutter_deg=float(np.sqrt(np.mean(busy**2))),
-        lost=len(command) < ticks or float(np.max(np.abs(found))) > _LOST * abs(size),
+        tracking_rms_g=float(np.sqrt(np.mean((found[flown] - command[flown]) ** 2))),
+        lost=len(command) < ticks or float(np.max(np.abs(found))) > _LOST * abs(size) or not 0.5 <= held <= 1.5,
     )
