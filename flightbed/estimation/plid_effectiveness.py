@@ -11,16 +11,19 @@ least squares of b-hat = K h + error, S the covariance of b-hat and h the health
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, nan, sqrt
+from math import nan, sqrt
 from typing import Literal
 
 import numpy as np
+from scipy.signal import bilinear, lfilter
 
 from flightbed.compiling import Array
 from flightbed.estimation import pitch_model
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.plid import CONVENTIONAL, Form, Plid, PlidConfig, Tracking
 from flightbed.signals import Estimate, Measurement
+
+_NOTHING = np.zeros((1, 2))
 
 
 @dataclass(frozen=True)
@@ -30,11 +33,12 @@ class PlidEffectivenessConfig:
     Attributes:
         scheduled: take prior and healthy numerator from the schedule at the flight condition instead of the design model.
         form, dtype: of the filter, see ``plid``.
-        block_fade: of its parameters.
+        block_fade: of its parameters; the thesis has 1.001, with which the readings of before a failure count for 10 s.
         q_disturbance_rad_s2: process noise, a pitch acceleration held for a tick.
-        denominator_std: with which a_0 and a_1 are known before the flight.
-        washout_rad_s: high pass through which pitch rate and elevator both go, so that trims and what a failure makes of them do
-            not matter: PLID has no constant input.
+        denominator_std: with which a_0 and a_1 are known before the flight; 0.003 is a damping that is off by 0.3 1/s, at 100 Hz.
+        washout_rad_s: of the band pass through which pitch rate and elevator both go: trims and what a failure makes of them
+            are kept out, as PLID has no constant input.
+        filter_rad_s, filter_damping: of its upper end, w^2/(s^2 + 2 z w s + w^2).
         smoothing, bounds, prior_effectiveness, prior_effectiveness_var: as in LoopGainConfig.
 
     """
@@ -42,14 +46,24 @@ class PlidEffectivenessConfig:
     scheduled: bool = True
     form: Form = CONVENTIONAL
     dtype: Literal["float64", "float32"] = "float64"
-    block_fade: float = 1.001
+    block_fade: float = 1.01
     q_disturbance_rad_s2: float = 0.005
-    denominator_std: float = 0.01
+    denominator_std: float = 0.003
     washout_rad_s: float = 0.5
+    filter_rad_s: float = 20.0
+    filter_damping: float = 0.8
     smoothing: float = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
     prior_effectiveness: float = 1.0
     prior_effectiveness_var: float = 0.63**2
+
+
+def band_pass(config: PlidEffectivenessConfig, hz: int) -> tuple[Array, Array]:
+    """Return numerator and denominator, (4,) each, of the washout s/(s + w_0) times the low pass, by Tustin's rule."""
+    w, z = config.filter_rad_s, config.filter_damping
+    low = np.convolve([1.0, config.washout_rad_s], [1.0, 2.0 * z * w, w * w])
+    b, a = bilinear([w * w, 0.0], low, fs=hz)
+    return np.asarray(b, dtype=np.float64), np.asarray(a, dtype=np.float64)
 
 
 def projected(b: Array, healthy: Array, covariance: Array) -> tuple[float, float]:
@@ -78,8 +92,11 @@ def transfer_function(A: Array, b: Array) -> tuple[Array, Array]:
 class PlidEffectiveness:
     """PLID of order 2 from the elevator's mean position to pitch rate; an Estimator.
 
-    Pitch rate is noisy, which PLID does not know of the y in its model: with much noise its parameters are biased (Kemp S 3.3). The state
-    that it passes on is the readings'.
+    Pitch rate is noisy, PLID takes the y in its model for exact, and in a loop the noise is in the elevator, too: as they are read, K
+    comes out above 1 whatever it is. Both signals pass the same band pass first, which leaves their transfer function alone and takes
+    most of the noise away. What remains of it in the equation, v_k - a_1 v_(k-1) - a_0 v_(k-2) of the filtered v, is the process noise
+    that PLID is told of, half of it on each of two states, and the readings count as exact. None of this is in the thesis. The state
+    that is passed on is the readings'.
 
     Args:
         config: settings.
@@ -101,14 +118,15 @@ class PlidEffectiveness:
         held = onboard.design.discrete(onboard.control_hz)
         self._design = transfer_function(held.A, held.b)
         self._model, self._work = np.zeros((2, 4)), np.zeros((2, 4))
-        self._keep = exp(-config.washout_rad_s / onboard.control_hz)
-        self._high = [0.0, 0.0]  # pitch rate and elevator behind the high pass
+        self._numerator, self._denominator = band_pass(config, onboard.control_hz)
+        self._passed = np.zeros((3, 2))  # state of the band pass, of pitch rate and elevator
         self._last: Measurement | None = None
         self._plid: Plid | None = None
         self._smoothed = 1.0
         for _ in range(2):  # compile, or load what was compiled, now and not in flight
             self.update(Measurement(0.05, 0.0, 0.0, 0.0, 0.6, 0.0, 0.05, 0.0))
-        self._last, self._plid, self._high, self._smoothed = None, None, [0.0, 0.0], 1.0
+        self._last, self._plid, self._smoothed = None, None, 1.0
+        self._passed[:] = 0.0
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
@@ -117,11 +135,9 @@ class PlidEffectiveness:
         denominator, healthy = self._healthy(last)
         if self._plid is None:
             self._plid = self._begun(denominator, healthy)
-        q, elevator = measurement.q_rad_s, measurement.elevator_mean_rad
-        self._high[0] = self._keep * (self._high[0] + q - last.q_rad_s)
-        self._high[1] = self._keep * (self._high[1] + elevator - last.elevator_mean_rad)
-        plid = self._plid
-        plid.update(self._high[0], self._high[1])
+            self._first = np.array([measurement.q_rad_s, measurement.elevator_mean_rad])
+        q, plid = measurement.q_rad_s, self._plid
+        plid.update(*self._band(np.array([q, measurement.elevator_mean_rad]) - self._first))
         raw, std = projected(plid.parameters[2:], healthy, plid.covariance[4:, 4:])
         bounded = min(max(raw, config.bounds[0]), config.bounds[1])
         self._smoothed = config.smoothing * self._smoothed + (1.0 - config.smoothing) * bounded
@@ -132,17 +148,29 @@ class PlidEffectiveness:
             innovation_q_rad_s=innovation, innovation_q_std_rad_s=sqrt(max(variance, 0.0)),
         )  # fmt: skip
 
+    def _band(self, signals: Array) -> list[float]:
+        """Pass pitch rate and elevator through the band pass (direct form II, transposed)."""
+        b, a, held = self._numerator, self._denominator, self._passed
+        out = b[0] * signals + held[0]
+        held[:] = b[1:, None] * signals - a[1:, None] * out + np.vstack([held[1:], _NOTHING])
+        found: list[float] = out.tolist()
+        return found
+
     def _begun(self, denominator: Array, healthy: Array) -> Plid:
         config = self._config
         spread = config.prior_effectiveness_var * healthy**2
+        struck = np.zeros(20 * self._hz)
+        struck[0] = 1.0
+        struck = lfilter(self._numerator, self._denominator, struck)
+        left = np.convolve(struck, [1.0, -denominator[1], -denominator[0]])
+        let_in = 0.5 * float(left @ left) * self._noise_var
         known = (config.denominator_std**2,) * 2
         return Plid(
             PlidConfig(
                 order=2,
-                process_var=(config.q_disturbance_rad_s2 / self._hz) ** 2,
-                output_var=self._noise_var,
+                process_var=(config.q_disturbance_rad_s2 / self._hz) ** 2 + let_in,
                 prior=(0.0, 0.0, *denominator.tolist(), *(config.prior_effectiveness * healthy).tolist()),
-                prior_var=(self._noise_var, self._noise_var, *known, *spread.tolist()),
+                prior_var=(let_in, let_in, *known, *spread.tolist()),
                 tracking=Tracking(block_fade=config.block_fade),
                 dtype=config.dtype,
             ),

@@ -292,7 +292,7 @@ class EstimatorSettings(OwnSettings):
     variance_max: Positive = 1.0
     walk_std: NonNegative = 1e-4
     false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-6
-    block_fade: Annotated[float, between(1, 2)] = 1.001
+    block_fade: Annotated[float, between(1, 2)] = 1.01
     form: Literal["factored", "plain"] = "factored"
     precision: Literal["double", "single"] = "double"
     prior: Prior = Prior()
