@@ -15,7 +15,6 @@ from math import nan, sqrt
 from typing import Literal
 
 import numpy as np
-from scipy.signal import bilinear, lfilter
 
 from flightbed.compiling import Array
 from flightbed.estimation import pitch_model
@@ -60,6 +59,8 @@ class PlidEffectivenessConfig:
 
 def band_pass(config: PlidEffectivenessConfig, hz: int) -> tuple[Array, Array]:
     """Return numerator and denominator, (4,) each, of the washout s/(s + w_0) times the low pass, by Tustin's rule."""
+    from scipy.signal import bilinear  # slow to import
+
     w, z = config.filter_rad_s, config.filter_damping
     low = np.convolve([1.0, config.washout_rad_s], [1.0, 2.0 * z * w, w * w])
     b, a = bilinear([w * w, 0.0], low, fs=hz)
@@ -156,13 +157,18 @@ class PlidEffectiveness:
         found: list[float] = out.tolist()
         return found
 
+    def _impulse(self) -> Array:
+        """Return the band pass's answer to an impulse, over 20 s."""
+        from scipy.signal import lfilter  # slow to import
+
+        struck = np.zeros(20 * self._hz)
+        struck[0] = 1.0
+        return np.asarray(lfilter(self._numerator, self._denominator, struck), dtype=np.float64)
+
     def _begun(self, denominator: Array, healthy: Array) -> Plid:
         config = self._config
         spread = config.prior_effectiveness_var * healthy**2
-        struck = np.zeros(20 * self._hz)
-        struck[0] = 1.0
-        struck = lfilter(self._numerator, self._denominator, struck)
-        left = np.convolve(struck, [1.0, -denominator[1], -denominator[0]])
+        left = np.convolve(self._impulse(), [1.0, -denominator[1], -denominator[0]])
         let_in = 0.5 * float(left @ left) * self._noise_var
         known = (config.denominator_std**2,) * 2
         return Plid(
