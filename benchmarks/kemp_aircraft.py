@@ -5,7 +5,7 @@
 1. Cases 1 to 3 of the thesis: overshoot, undershoot, what the c.g. shift does, flutter. The seeds vary the sensors' noise.
 2. Losses of elevator effectiveness before a pull-up.
 3. The same with noise on the accelerometer, which the thesis does not have.
-4. A loop at 4 g, with the command's prefilter and without.
+4. A loop at 4 g, with the command's prefilter and without; from 334 to 900 ft/s.
 5. Microseconds of a demand of each law and of an update of the estimator ``plid``.
 """
 
@@ -23,7 +23,7 @@ from flightbed.assembly import assemble
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.loop import fly
 from flightbed.plan import plan
-from flightbed.pull_up import COLUMNS, PullUp, increment_g, pull_up
+from flightbed.pull_up import COLUMNS, PullUp, command_g, increment_g, pull_up
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
 from flightbed.statistics import median_interval, share
@@ -143,6 +143,20 @@ def loops(runs: int, executor: Executor | None) -> None:
             )
 
 
+def speeds(runs: int, executor: Executor | None) -> None:
+    """Print the error of a_n to its reference, 10 s by 10 s, while the speed goes up."""
+    print("\n   From 334 to 900 ft/s: RMS of a_n less its reference, g, over 0-10, 10-20, ... 50-60 s; medians")
+    for law in ("scheduled", "adaptive", "adaptive, thesis"):
+        scenario = load_scenario("speed-range", LAWS[law])
+        (flights,) = fly_jobs([Job(scenario, runs, (*COLUMNS, "nz_ref_g"))], executor=executor)
+        errors = []
+        for flown in flights:
+            reference = flown.columns["nz_ref_g"] - (flown.columns["nz_cmd_g"] - command_g(flown.columns))
+            error = increment_g(flown.columns) - reference
+            errors.append([float(np.sqrt(np.mean(part**2))) for part in np.split(error, 6)])
+        print(f"{law:>22} | " + " ".join(f"{value:6.3f}" for value in np.median(errors, axis=0)))
+
+
 def _timed(call: Callable[[], object], repeats: int) -> float:
     began = time.perf_counter()
     for _ in range(repeats):
@@ -184,6 +198,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         cases(given.runs, executor)
         losses(given.runs, executor)
         loops(min(given.runs, 5), executor)
+        speeds(min(given.runs, 5), executor)
     times()
     return 0
 

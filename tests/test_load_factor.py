@@ -140,6 +140,17 @@ def test_a_loop_is_flown_round(law: str) -> None:
     assert np.max(np.abs(trace["beta_deg"])) < 0.1
 
 
+@pytest.mark.parametrize("law", ["nz-adaptive", "nz-scheduled"])
+def test_it_is_followed_from_334_to_900_feet_per_second(law: str) -> None:
+    trace = _flown("speed-range", f"control.law={law}")
+    assert len(trace) == 6000
+    assert trace["airspeed_m_s"][[0, -1]] / FT == pytest.approx([333.5, 900.0], abs=3.0)
+    level = np.cos(np.radians(trace["theta_meas_deg"])) * np.cos(np.radians(trace["phi_meas_deg"]))
+    error = increment_g(trace.columns) - (trace["nz_ref_g"] - level)
+    assert max(float(np.sqrt(np.mean(part**2))) for part in np.split(error, 6)) < 0.3  # a lag, of +-0.5 g
+    assert np.max(np.abs(increment_g(trace.columns))) < 0.65
+
+
 def test_without_the_prefilter_the_fixed_law_runs_into_the_rate_limit() -> None:
     trace = _flown("loop", "control.law=nz-scheduled", "command.filter_rad_s=0")
     rate = np.abs(np.diff(trace["elevator_deg"])) * 100.0
