@@ -25,6 +25,7 @@ from flightbed.scenario import load_scenario
 from flightbed.sensors import SensorNoise
 from flightbed.short_period import ShortPeriod
 from flightbed.signals import Estimate, Measurement
+from flightbed.trial import readings_of_flights
 from flightbed.units import DEG
 
 SILENT, NOISY = SensorNoise(0.03 * DEG, 1e-7 * DEG), SensorNoise(0.03 * DEG, 0.1108 * DEG)
@@ -121,6 +122,18 @@ def test_with_noise_a_healthy_k_is_unbiased_to_a_few_percent_and_sigma_is_no_sma
     assert abs(np.mean(errors)) < 0.03
     assert np.mean((errors / stds) ** 2) < 2.0
     assert np.max(stds) < 0.2
+
+
+def test_without_the_band_pass_the_noise_in_the_loop_hides_the_loss(design: ShortPeriod) -> None:
+    onboard = OnBoard(design, NOISY, 100)
+    readings = readings_of_flights(onboard)["K drops to 0.5"]
+    ends = {}
+    for bandwidth in (20.0, 1e4):  # rad/s; the second passes everything up to half the sampling rate
+        config = PlidEffectivenessConfig(scheduled=False, filter_rad_s=bandwidth)
+        estimator = PlidEffectiveness(config, onboard)
+        ends[bandwidth] = [estimator.update(m) for m in readings][-1].effectiveness_raw
+    assert ends[20.0] == pytest.approx(0.5, abs=0.05)
+    assert ends[1e4] > 1.0
 
 
 def test_before_anything_moves_sigma_is_the_prior_s(design: ShortPeriod) -> None:
