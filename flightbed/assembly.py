@@ -10,22 +10,24 @@ import numpy as np
 from flightbed import factories, registry
 from flightbed.aircraft import Aircraft
 from flightbed.blame import watched
-from flightbed.command.base import profile
+from flightbed.command.base import Profile, profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
 from flightbed.control.design import peak_deflection
 from flightbed.control.redesign import Redesign, RedesignedPitch
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator, estimate_names
+from flightbed.kemp_factories import autothrottle
 from flightbed.lateral import LateralAxes
 from flightbed.linear_aircraft import LinearAircraft
+from flightbed.load_factor import LoadFactorAxis
 from flightbed.loop import Flight
-from flightbed.plan import Plan, law_of
+from flightbed.plan import Plan, law_of, load_factor_law_of
 from flightbed.plant.base import Plant
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
 from flightbed.sensors import LateralNoise, LateralSensors, SensorErrors, SensorNoise, Sensors
-from flightbed.settings import ModelError, Scenario
+from flightbed.settings import Command, ModelError, Scenario
 from flightbed.signals import Health
 from flightbed.units import DEG, FT, LB
 
@@ -53,18 +55,14 @@ def _assembled(plan: Plan) -> Flight:
     names = names_of(scenario, estimators)
     adaptation = scenario.adaptation
     plant = _plant(plan, health(0), air_seed, process_seed)
-    law = law_of(scenario, design)
+    pulling = _load_factor(plan, plant)
+    law = pulling or law_of(scenario, design)
     lateral = _lateral(plan, plant, names, lateral_seed) if plan.lateral else None
     divides = adaptation.enabled and adaptation.method == "divide"
     return Flight(
         plant=plant,
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
-        profile=profile(
-            registry.factory("commands", scenario.command.kind)(scenario.command),
-            ticks=ticks,
-            control_hz=control_hz,
-            filter_rad_s=scenario.command.filter_rad_s,
-        ),
+        profile=_asked(scenario, scenario.command) if pulling is None else _no_pitch_rate(ticks),
         health=health,
         law=law,
         adaptation=Adaptation(
@@ -88,6 +86,36 @@ def _assembled(plan: Plan) -> Flight:
         state_from=names.index(scenario.control.state_from) if scenario.control.state_from else None,
         redesign=None if divides or not adaptation.enabled else _redesign(scenario, law, lateral, names),
         lateral=lateral,
+        load_factor=pulling,
+    )
+
+
+def _asked(scenario: Scenario, command: Command) -> Profile:
+    return profile(
+        registry.factory("commands", command.kind)(command),
+        ticks=scenario.ticks,
+        control_hz=scenario.rates.control_hz,
+        filter_rad_s=command.filter_rad_s,
+    )
+
+
+def _no_pitch_rate(ticks: int) -> Profile:
+    """Return the profile of a flight that is asked for no pitch rate, which is not the same as asked for none."""
+    return Profile(np.full(ticks, np.nan), np.full(ticks, np.nan))
+
+
+def _load_factor(plan: Plan, plant: Plant) -> LoadFactorAxis | None:
+    """Build the law of a flight that is commanded in g; None for others."""
+    if plan.load_factor is None:
+        return None
+    scenario, hz = plan.scenario, plan.scenario.rates.control_hz
+    assert isinstance(plant, JsbsimPlant)
+    asked = _asked(scenario, scenario.command.in_g())
+    return LoadFactorAxis(
+        plant,
+        load_factor_law_of(scenario, plan.load_factor),
+        list(zip(asked.q_cmd_rad_s.tolist(), asked.q_ref_rad_s.tolist(), strict=True)),
+        autothrottle(scenario.control.autothrottle, airspeed_m_s=plan.trim.airspeed_m_s, control_hz=hz),
     )
 
 
@@ -116,15 +144,7 @@ def _lateral(plan: Plan, plant: Plant, names: Sequence[str], seed: np.random.See
     assert isinstance(aircraft, Aircraft)
     assert plan.lateral is not None
     hz, ticks = scenario.rates.control_hz, scenario.ticks
-    roll, sideslip = (
-        profile(
-            registry.factory("commands", command.kind)(command),
-            ticks=ticks,
-            control_hz=hz,
-            filter_rad_s=command.filter_rad_s,
-        )
-        for command in (settings.roll, settings.sideslip.as_command())
-    )
+    roll, sideslip = (_asked(scenario, command) for command in (settings.roll, settings.sideslip.as_command()))
     weights = RollYawWeights(*(getattr(settings, key) * DEG for key in _WEIGHTS))
     asked = scenario.adaptation
     corrections = []
@@ -214,6 +234,7 @@ def sensor_noise(scenario: Scenario) -> SensorNoise:
         sensors.altitude_std_ft * FT,
         sensors.theta_std_deg * DEG,
         sensors.phi_std_deg * DEG,
+        sensors.nz_std_g,
     )
 
 

@@ -270,6 +270,8 @@ def worst_of(rows: Sequence[Row]) -> tuple[int, str]:
             worst = min(gone, key=lambda row: float(row["flown_s"] or 0.0))
             return int(worst["index"] or 0), f"{words}, at {worst['departed_at_s'] or worst['flown_s']:.2f} s"
     worst = max(flown, key=_tracking)
+    if worst["tracking_rms_post_deg_s"] is None and worst["tracking_rms_pre_deg_s"] is None:
+        return int(worst["index"] or 0), "the first: all flew to the end, and none is asked for a pitch rate"
     return int(worst["index"] or 0), f"largest RMS of q - q_ref {_words(worst)}, {_tracking(worst):.3g} deg/s"
 
 

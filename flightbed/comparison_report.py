@@ -16,7 +16,7 @@ _ROWS = (
     ("K, share", "effectiveness", "effectiveness_true", palette.TRUTH, "true"),
     ("Elevator, deg", "elevator_deg", "", "", ""),
     ("Angle of attack, deg", "alpha_deg", "", "", ""),
-    ("Load factor nz, g", "nz_g", "", "", ""),
+    ("Load factor nz, g", "nz_g", "nz_ref_g", palette.REFERENCE, "reference"),
 )
 _TURNING = (
     ("Roll rate, deg/s", "p_deg_s", "p_ref_deg_s", palette.REFERENCE, "reference"),
@@ -61,10 +61,10 @@ def _draw(runs: Sequence[Run]) -> str:
         for row, (title, column, shared, color, name) in zip(axes, rows, strict=True):
             told: list[tuple[Vector, Vector]] = []
             for run in runs:
-                t = run.trace["t_s"]
-                if shared in run.trace.columns and not any(same_line(t, run.trace[shared], *o) for o in told):
-                    told.append((t, run.trace[shared]))
-                    row.plot(t, run.trace[shared], color=color, label="_" if len(told) > 1 else name)
+                t, asked = run.trace["t_s"], run.trace.columns.get(shared)
+                if asked is not None and not any(same_line(t, asked, *other) for other in told):
+                    told.append((t, asked))
+                    row.plot(t, asked, color=color, label="_" if len(told) > 1 else name)
             for run in runs:
                 values = _values(run, column)
                 if values is not None:

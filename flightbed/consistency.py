@@ -15,6 +15,7 @@ from flightbed.signals import SURFACES
 if TYPE_CHECKING:
     from flightbed.settings import Command, EstimatorSettings, Scenario, SideslipCommand
 
+LOAD_FACTOR_LAWS = ("nz-adaptive", "nz-scheduled")  # commanded in g
 _PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
 _BAND = _PULSES | {"low_hz", "high_hz"}
 _BINARY = {"switch_s", "register_bits", "seed"}
@@ -22,6 +23,7 @@ _COMMAND_KEYS = _BAND | _BINARY  # all that a kind may have no use for
 _COMMAND_USES = {
     "none": set[str](),
     "constant": {"amplitude_deg_s", "start_s"},
+    "pulse": {"amplitude_deg_s", "start_s", "period_s"},
     "doublet": _PULSES,
     "3-2-1-1": _PULSES,
     "chirp": _BAND,
@@ -58,6 +60,13 @@ ACTUATOR_FAILURES: Mapping[str, str] = MappingProxyType(
     }
 )
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
+# What of the law nz-adaptive only it uses, and of flights in g only they.
+_IDENTIFICATION = (
+    "prior", "prior_var", "process_var", "output_var", "block_fade", "form", "precision", "patience", "gain_filter_rad_s",
+    "command_filter_rad_s",
+)  # fmt: skip
+_AUTOTHROTTLE = ("low_norm", "high_norm", "then_fps", "then_at_s")
+_PLID_ONLY = ("block_fade", "form", "precision")
 _WEIGHTS = ("alpha_deg", "q_deg_s", "elevator_deg")
 _LATERAL_DISTURBANCES = ("beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_disturbance_deg_s2")
 _LOOP_GAIN_ONLY = ("input", "input_at", "alarm_threshold", "follow_disturbances", "hold_std")
@@ -66,11 +75,15 @@ _PRIOR = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
 # What a kind of estimator has no use for, whatever its other settings; kinds of installed packages may use any key.
 _ESTIMATOR_IDLE: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "loop-gain": _TWO_STAGE_ONLY,
+        "loop-gain": (*_TWO_STAGE_ONLY, *_PLID_ONLY),
         "differentiated-rls": (
-            *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PRIOR, "memory", "window", "alpha_disturbance_deg_s", "q_disturbance_deg_s2",
+            *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PLID_ONLY, *_PRIOR, "memory", "window", "alpha_disturbance_deg_s",
+            "q_disturbance_deg_s2",
         ),
-        "two-stage": ("input", "input_at", "alarm_threshold", "hold_std", *_PRIOR, "prior.effectiveness"),
+        "two-stage": ("input", "input_at", "alarm_threshold", "hold_std", *_PRIOR, "prior.effectiveness", *_PLID_ONLY),
+        "plid": (
+            *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PRIOR, "memory", "window", "forgetting", "alpha_disturbance_deg_s",
+        ),
     }
 )  # fmt: skip
 # The memories that a kind has; one that is not here has no use for the key.
@@ -112,6 +125,7 @@ def contradictions(scenario: Scenario) -> list[str]:
     if control.state_from and control.state_from not in names:
         problems.append(_no_estimator("control.state_from", control.state_from, names))
     problems += _redesign_contradictions(scenario)
+    problems += _load_factor_contradictions(scenario)
     problems += _options_of_built_ins(scenario)
     if control.gains is not None and control.poles is not None:
         problems.append("control.poles: cannot go with control.gains, which are not designed; give one of them")
@@ -173,6 +187,26 @@ def _redesign_contradictions(scenario: Scenario) -> list[str]:
     ):
         problems.append(
             f"adaptation.estimator: must raise alarms with method = 'redesign' (got '{adaptation.estimator}', which has no such test)"
+        )
+    return problems
+
+
+def _load_factor_contradictions(scenario: Scenario) -> list[str]:
+    control, adaptation, problems = scenario.control, scenario.adaptation, []
+    if control.law not in LOAD_FACTOR_LAWS:
+        return []
+    if control.law == "nz-adaptive" and adaptation.enabled:
+        problems.append(
+            "adaptation.enabled: must be false with control.law = 'nz-adaptive', which identifies its own model (got true)"
+        )
+    if control.poles is not None and len(control.poles) != 3:
+        problems.append(
+            f"control.poles: must be three with control.law = '{control.law}': two states and the integral (got {len(control.poles)})"
+        )
+    throttle = control.autothrottle
+    if throttle.enabled and not throttle.low_norm < throttle.high_norm:
+        problems.append(
+            f"control.autothrottle.low_norm: must be below high_norm = {throttle.high_norm:g} (got {throttle.low_norm:g})"
         )
     return problems
 
@@ -252,6 +286,7 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
         keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
     if scenario.control.law != "lq" and registry.is_built_in("laws", scenario.control.law):
         keys |= {f"control.weights.{key}": f"control.law = '{scenario.control.law}'" for key in _WEIGHTS}
+    keys |= _idle_in_g(scenario)
     if scenario.control.law == "lq":
         keys |= {f"control.{key}": "control.law = 'lq'" for key in ("poles", "gains", "integral_pole_rad_s")}
     for i, failure in enumerate(scenario.failures):
@@ -285,10 +320,35 @@ def _idle_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: boo
     return keys
 
 
+def _idle_in_g(scenario: Scenario) -> dict[str, str]:
+    """Return what a flight that is commanded in g has no use for, or one that is not."""
+    law, why = scenario.control.law, f"control.law = '{scenario.control.law}'"
+    identification = {f"control.identification.{key}" for key in _IDENTIFICATION}
+    idle = {"lateral.roll.amplitude_g"}
+    if law in LOAD_FACTOR_LAWS:
+        idle |= {"command.amplitude_deg_s", "control.integral_pole_rad_s", "adaptation.feedback"}
+        idle |= {f"control.gains.{key}" for key in ("alpha", "q_s", "elevator", "reference_s", "integral")} | {
+            "control.gains"
+        }
+        idle |= identification if law != "nz-adaptive" else set()
+    elif registry.is_built_in("laws", law):
+        idle |= {"command.amplitude_g", *identification, "control.autothrottle.enabled"}
+        idle |= {f"control.autothrottle.{key}" for key in _AUTOTHROTTLE}
+    keys = dict.fromkeys(sorted(idle), why) | {"lateral.roll.amplitude_g": "lateral.roll, which is commanded in deg/s"}
+    throttle = scenario.control.autothrottle
+    if law in LOAD_FACTOR_LAWS and not throttle.enabled:
+        keys |= {f"control.autothrottle.{key}": "control.autothrottle.enabled = false" for key in _AUTOTHROTTLE}
+    elif law in LOAD_FACTOR_LAWS and not throttle.then_fps:
+        keys["control.autothrottle.then_at_s"] = "control.autothrottle.then_fps = 0"
+    return keys
+
+
 def _idle_in_command(place: str, command: Command | SideslipCommand) -> dict[str, str]:
     unused = _COMMAND_KEYS - _COMMAND_USES.get(command.kind, _COMMAND_KEYS)
     if "amplitude_deg" in type(command).model_fields:
         unused = {"amplitude_deg" if key == "amplitude_deg_s" else key for key in unused}
+    elif "amplitude_deg_s" in unused:
+        unused = unused | {"amplitude_g"}
     return {f"{place}.{key}": f"{place}.kind = '{command.kind}'" for key in unused}
 
 

@@ -14,6 +14,7 @@ from flightbed.command.constant import none as _none
 from flightbed.command.doublet import doublet as _doublet
 from flightbed.command.multisine import multisine as _multisine
 from flightbed.command.prbs import prbs as _prbs
+from flightbed.command.pulses import pulses as _pulses
 from flightbed.command.three_two_one_one import three_two_one_one as _three_two_one_one
 from flightbed.control.base import Gains, Law
 from flightbed.control.design import design_integral, design_proportional
@@ -103,6 +104,17 @@ def random(settings: s.Command) -> Command:
 def constant(settings: s.Command) -> Command:
     """Hold amplitude_deg_s from start_s on: a step."""
     return _constant(amplitude_rad_s=settings.amplitude_deg_s * DEG, start_s=settings.start_s)
+
+
+def pulse(settings: s.Command) -> Command:
+    """Hold amplitude_deg_s from start_s on for period_s: a step and its release."""
+    return _pulses(
+        [1],
+        amplitude_rad_s=settings.amplitude_deg_s * DEG,
+        period_s=settings.period_s,
+        count=1,
+        start_s=settings.start_s,
+    )
 
 
 def none(_settings: s.Command) -> Command:

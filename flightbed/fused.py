@@ -57,7 +57,7 @@ def _tick(store: Array, k: int) -> float:
     width = int(store[_WIDTH])
     at = int(store[_ROWS]) + k * width
     row = store[at : at + width]
-    off = int(store[_ERRORS]) + 7 * k
+    off = int(store[_ERRORS]) + 8 * k
     truth = store[at + _TRUTH : at + _READ]
     if store[_READ_OUT] > 0.0:
         (
@@ -69,9 +69,10 @@ def _tick(store: Array, k: int) -> float:
             truth[10], truth[11], truth[12], truth[13], truth[14], truth[15], truth[16], truth[17], truth[18], truth[19], truth[20],
         )  # fmt: skip
     now = store[at + _READ : at + _TOLD]
-    (now[0], now[1], now[2], now[3], now[4], now[5], now[6], now[7]) = readings(
-        truth[0], truth[1], truth[11], truth[12], truth[6], truth[7], truth[2], truth[3], store[_MACH_SCALE],
+    (now[0], now[1], now[2], now[3], now[4], now[5], now[6], now[7], now[8]) = readings(
+        truth[0], truth[1], truth[11], truth[12], truth[6], truth[7], truth[2], truth[3], truth[10], store[_MACH_SCALE],
         store[off], store[off + 1], store[off + 2], store[off + 3], store[off + 4], store[off + 5], store[off + 6],
+        store[off + 7],
     )  # fmt: skip
     before = at - width if k > 0 else at
     then = store[before + _READ : before + _TOLD]
@@ -131,8 +132,8 @@ def _tick(store: Array, k: int) -> float:
 @cache
 def ready() -> None:
     """Compile, or load what was compiled, now and not in the time of a flight."""
-    store = np.zeros(_BLOCKS + 7 + row_width(0))
-    store[_WIDTH], store[_ERRORS], store[_ROWS], store[_STATE_FROM] = row_width(0), _BLOCKS, _BLOCKS + 7, -1.0
+    store = np.zeros(_BLOCKS + 8 + row_width(0))
+    store[_WIDTH], store[_ERRORS], store[_ROWS], store[_STATE_FROM] = row_width(0), _BLOCKS, _BLOCKS + 8, -1.0
     _tick(store, 0)
 
 

@@ -15,6 +15,7 @@ from flightbed.errors import EstimateError
 from flightbed.estimation.base import Estimator, SurfacesEstimator, estimate_names
 from flightbed.failures.base import Failing
 from flightbed.lateral import LateralAxes
+from flightbed.load_factor import LoadFactorAxis
 from flightbed.plant.base import Plant
 from flightbed.sensors import Sensors
 from flightbed.signals import Estimate, LateralMeasurement, LateralSample, Measurement, Sample
@@ -43,6 +44,7 @@ class Flight:
     state_from: int | None = None  # index of the estimate whose alpha and q the law is fed; None for the readings
     redesign: Redesign | None = None  # of the laws, instead of the correction by 1/K
     lateral: LateralAxes | None = None  # None leaves roll and yaw to the plant
+    load_factor: LoadFactorAxis | None = None  # the law, where it is commanded in g and may have the throttle
 
     @property
     def estimates(self) -> int:
@@ -56,6 +58,8 @@ class Flight:
             raise ValueError("the law is to be fed an estimator's state, but the flight has no such estimator")
         if self.lateral is None and any(isinstance(estimator, SurfacesEstimator) for estimator in self.estimators):
             raise ValueError("an estimator of several surfaces flies only where aileron and rudder are commanded")
+        if self.load_factor is not None and self.law is not self.load_factor:
+            raise ValueError("a flight that is commanded in g has one law, that of the load factor")
 
 
 Teller = Callable[[Measurement, LateralMeasurement], Sequence[Estimate]]
@@ -83,7 +87,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
     sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
     believed_of, feedback_of, health_at = adaptation.believed, adaptation.position_feedback, flight.health
     reference_of, command_of = adaptation.reference, adaptation.command
-    axes, redesign = flight.lateral, flight.redesign
+    axes, redesign, pulling = flight.lateral, flight.redesign, flight.load_factor
     tellers = [teller(estimator) for estimator in flight.estimators] if axes is not None else []
     updates = [e.update for e in flight.estimators if not isinstance(e, SurfacesEstimator)] if axes is None else []
     only = updates[0] if len(updates) == 1 else None
@@ -134,7 +138,8 @@ def fly(flight: Flight) -> Iterator[Sample]:
         if axes is not None and lateral is not None:
             lateral = axes.decide(lateral, estimates, tick)
 
-        yield _new(Sample, (tick, q_cmd, q_ref, truth, measurement, estimates, command, lateral))
+        pulled = None if pulling is None else pulling.told
+        yield _new(Sample, (tick, q_cmd, q_ref, truth, measurement, estimates, command, lateral, pulled))
         deviation = truth.alpha_rad - alpha_trim
         if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth.q_rad_s) or truth.altitude_m < floor:
             return
@@ -143,6 +148,8 @@ def fly(flight: Flight) -> Iterator[Sample]:
                 return
             steering.append((lateral.aileron_cmd_rad, lateral.rudder_cmd_rad))
             axes.plant.steer(*steering.popleft())
+        if pulling is not None:
+            pulling.power()
         if delay:
             on_the_way.append(command)
             command = on_the_way.popleft()

@@ -8,8 +8,10 @@ from importlib.metadata import version
 
 from flightbed import registry
 from flightbed.aircraft import Actuator, Aircraft, load_path
-from flightbed.consistency import ACTUATOR_FAILURES
+from flightbed.consistency import ACTUATOR_FAILURES, LOAD_FACTOR_LAWS
 from flightbed.control.base import Gains, Law
+from flightbed.control.load_factor import LoadFactorDesign, LoadFactorLaw
+from flightbed.envelope import pitch_point, pitch_points
 from flightbed.errors import AircraftError, DesignError, NoTrimError, ScenarioError
 from flightbed.factories import lq_gains
 from flightbed.lateral_directional import LateralDirectional, lateral_directional
@@ -40,6 +42,7 @@ class Plan:
     schedule: Schedule | None  # None if no estimator asks for it
     lateral: LateralDirectional | None = None  # None if roll and yaw are left to the stock laws
     margins: Margins | None = None  # of the pitch loop; None for a law that does not tell its gains
+    load_factor: LoadFactorDesign | None = None  # None if the flight is not commanded in g
 
     @property
     def actuators(self) -> Mapping[str, Actuator]:
@@ -61,7 +64,7 @@ def plan(scenario: Scenario) -> Plan:
             'clear the key, --set aircraft.sha256="", to fly it all the same'
         )
     scenario = scenario.with_aircraft(load_path(scenario.aircraft.model), aircraft.sha256)
-    schedule, turning = None, None
+    schedule, turning, pulling = None, None, None
     if isinstance(aircraft, LinearAircraft):
         if problems := _beyond_linear(scenario, aircraft):
             raise ScenarioError(problems)
@@ -75,6 +78,14 @@ def plan(scenario: Scenario) -> Plan:
         if scenario.lateral.enabled:
             lags = aircraft.lateral["aileron"].lag_rad_s, aircraft.lateral["rudder"].lag_rad_s
             turning = lateral_directional(model, airframe, actuators_rad_s=lags)
+        if scenario.control.law in LOAD_FACTOR_LAWS:
+            pulling = LoadFactorDesign(
+                pitch_points(aircraft, cg_shift_cbar=scenario.aircraft.cg_shift_cbar),
+                pitch_point(model, mach=airframe.mach, altitude_m=airframe.altitude_m),
+                aircraft.actuator.lag_rad_s,
+                (aircraft.actuator.min_rad, aircraft.actuator.max_rad),
+                point.elevator_rad,
+            )
         if any(estimator.model == "scheduled" for estimator in scenario.estimators):
             shift = repr(scenario.aircraft.cg_shift_cbar)
             fingerprint = (aircraft.sha256, shift, version("jsbsim"), version("flightbed"))
@@ -84,7 +95,8 @@ def plan(scenario: Scenario) -> Plan:
                 fingerprint=fingerprint,
                 standard=lambda: _airframe(aircraft, _STANDARD, scenario.aircraft.cg_shift_cbar),
             )
-    gains = getattr(law_of(scenario, design), "gains", None)
+    law = law_of(scenario, design) if pulling is None else load_factor_law_of(scenario, pulling)
+    gains = getattr(law, "gains", None)
     if not isinstance(gains, Gains):
         gains = None
     if scenario.adaptation.limit_command and gains is None:
@@ -92,7 +104,7 @@ def plan(scenario: Scenario) -> Plan:
             f"adaptation.limit_command: the law '{scenario.control.law}' does not tell its gains, set it to false"
         )
     margins = None if gains is None else _margins(scenario, design, gains)
-    return Plan(scenario, aircraft, point, design, gains, schedule, turning, margins)
+    return Plan(scenario, aircraft, point, design, gains, schedule, turning, margins, pulling)
 
 
 def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:
@@ -110,6 +122,14 @@ def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:
 def law_of(scenario: Scenario, design: ShortPeriod) -> Law:
     """Return a fresh law, as the scenario asks for it. Raises DesignError."""
     law: Law = registry.factory("laws", scenario.control.law)(scenario.control, design, scenario.rates.control_hz)
+    return law
+
+
+def load_factor_law_of(scenario: Scenario, design: LoadFactorDesign) -> LoadFactorLaw:
+    """Return a fresh law of load factor, as the scenario asks for it. Raises DesignError."""
+    law: LoadFactorLaw = registry.factory("laws", scenario.control.law)(
+        scenario.control, design, scenario.rates.control_hz
+    )
     return law
 
 
@@ -169,6 +189,11 @@ def _beyond_linear(scenario: Scenario, aircraft: LinearAircraft) -> list[str]:
         for i, f in enumerate(scenario.failures)
         if f.kind in ACTUATOR_FAILURES
     ]
+    if (law := scenario.control.law) in LOAD_FACTOR_LAWS:
+        faults.append(
+            f"control.law: '{law}' is scheduled over the envelope, which the linear aircraft {aircraft.name} does not have; "
+            "choose another one"
+        )
     return faults + [
         f"{key}: must be {only!r} with the linear aircraft {aircraft.name} (got {got!r})"
         for key, got, only in wanted

@@ -31,9 +31,16 @@ _BUILT_IN = MappingProxyType(
             "random": "random",
             "dither": "dither",
             "constant": "constant",
+            "pulse": "pulse",
             "none": "none",
         },
-        "laws": {"proportional": "proportional", "proportional-integral": "proportional_integral", "lq": "lq"},
+        "laws": {
+            "proportional": "proportional",
+            "proportional-integral": "proportional_integral",
+            "lq": "lq",
+            "nz-adaptive": "flightbed.kemp_factories:nz_adaptive",
+            "nz-scheduled": "flightbed.kemp_factories:nz_scheduled",
+        },
         "failures": {
             "effectiveness": "effectiveness",
             "ramp": "ramp",
@@ -45,7 +52,12 @@ _BUILT_IN = MappingProxyType(
             "rate-limit": "rate_limit",
             "bias": "bias",
         },
-        "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls", "two-stage": "two_stage"},
+        "estimators": {
+            "loop-gain": "loop_gain",
+            "differentiated-rls": "differentiated_rls",
+            "two-stage": "two_stage",
+            "plid": "flightbed.kemp_factories:plid",
+        },
         "studies": {
             "gupta": "flightbed.studies.gupta.study:gupta",
             "kemp": "flightbed.studies.kemp.study:kemp",

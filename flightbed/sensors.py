@@ -11,14 +11,15 @@ from flightbed.compiling import Array, compiled, plain
 from flightbed.signals import LateralMeasurement, LateralTruth, Measurement, Truth
 
 _new = tuple.__new__
-Eight = tuple[float, float, float, float, float, float, float, float]
+Nine = tuple[float, float, float, float, float, float, float, float, float]
 
 
 @compiled
 def readings(
-    alpha: float, q: float, elevator: float, elevator_mean: float, mach: float, altitude: float, theta: float, phi: float,
+    alpha: float, q: float, elevator: float, elevator_mean: float, mach: float, altitude: float, theta: float, phi: float, nz: float,
     mach_scale: float, e_alpha: float, e_q: float, e_elevator: float, e_mach: float, e_altitude: float, e_theta: float, e_phi: float,
-) -> Eight:  # fmt: skip
+    e_nz: float,
+) -> Nine:  # fmt: skip
     """Return what is read, in the order of Measurement, of the true values and the errors at a tick."""
     return (
         alpha + e_alpha,
@@ -29,6 +30,7 @@ def readings(
         altitude + e_altitude,
         theta + e_theta,
         phi + e_phi,
+        nz + e_nz,
     )
 
 
@@ -37,7 +39,7 @@ _readings = plain(readings)
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Standard deviations of white Gaussian noise, one draw per tick. rad, rad/s, rad, 1, m, rad, rad."""
+    """Standard deviations of white Gaussian noise, one draw per tick. rad, rad/s, rad, 1, m, rad, rad, g."""
 
     alpha_rad: float
     q_rad_s: float
@@ -46,6 +48,7 @@ class SensorNoise:
     altitude_m: float = 0.0
     theta_rad: float = 0.0
     phi_rad: float = 0.0
+    nz_g: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ class Sensors:
         errors: constant errors.
 
     Attributes:
-        errors: (ticks, 7), what each reading is off at each tick, in the order of SensorNoise.
+        errors: (ticks, 8), what each reading is off at each tick, in the order of SensorNoise.
         mach_scale: factor on the true Mach number.
 
     """
@@ -93,10 +96,10 @@ class Sensors:
         """Return the readings at a tick. The averaged surface position carries the same error as the present one."""
         errors = (self._rows or self._laid_out())[tick]
         # The fields of Truth taken apart at once, the Measurement made without its constructor: half the time of doing it by name.
-        alpha, q, theta, phi, _, _, mach, altitude, _, _, _, elevator, elevator_mean = truth[:13]
+        alpha, q, theta, phi, _, _, mach, altitude, _, _, nz, elevator, elevator_mean = truth[:13]
         return _new(
             Measurement,
-            _readings(alpha, q, elevator, elevator_mean, mach, altitude, theta, phi, self.mach_scale, *errors),
+            _readings(alpha, q, elevator, elevator_mean, mach, altitude, theta, phi, nz, self.mach_scale, *errors),
         )
 
     def _laid_out(self) -> list[list[float]]:

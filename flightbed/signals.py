@@ -152,6 +152,7 @@ class Measurement(NamedTuple):
         elevator_mean_rad: the same transducer, averaged over the control period that ends at this tick.
         mach, altitude_m: air data computer.
         theta_rad, phi_rad: attitude reference.
+        nz_g: accelerometer at the c.g.; 1 in level flight.
 
     """
 
@@ -163,6 +164,7 @@ class Measurement(NamedTuple):
     altitude_m: float = nan
     theta_rad: float = nan
     phi_rad: float = nan
+    nz_g: float = nan
 
 
 class Estimate(NamedTuple):
@@ -196,8 +198,31 @@ class Estimate(NamedTuple):
     innovation_q_std_rad_s: float = nan
 
 
+class LoadFactorSample(NamedTuple):
+    """Load factor at one control tick, in a flight that is commanded in g.
+
+    Attributes:
+        nz_cmd_g, nz_ref_g: load factor that is asked for, and what the prefilter makes of it: the command plus what level flight has at
+            the attitude that is measured, cos theta cos phi.
+        throttle_norm: command to the engine; nan where the throttle stays.
+        model_a_0, model_a_1, model_b_0, model_b_1: what the law has identified, as ``Plid.parameters``; nan if nothing.
+
+    """
+
+    nz_cmd_g: float
+    nz_ref_g: float
+    throttle_norm: float = nan
+    model_a_0: float = nan
+    model_a_1: float = nan
+    model_b_0: float = nan
+    model_b_1: float = nan
+
+
 class Sample(NamedTuple):
-    """All of one control tick, as the recorder sees it; ``lateral`` only in a flight whose aileron and rudder are commanded."""
+    """All of one control tick, as the recorder sees it.
+
+    ``lateral`` is there only in a flight whose aileron and rudder are commanded, ``load_factor`` only in one that is commanded in g.
+    """
 
     tick: int
     q_cmd_rad_s: float
@@ -207,3 +232,4 @@ class Sample(NamedTuple):
     estimates: tuple[Estimate, ...]
     elevator_cmd_rad: float
     lateral: LateralSample | None = None
+    load_factor: LoadFactorSample | None = None

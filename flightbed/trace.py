@@ -14,7 +14,16 @@ import numpy.typing as npt
 
 from flightbed.errors import OutputError
 from flightbed.naming import surface_of
-from flightbed.signals import Estimate, LateralMeasurement, LateralSample, LateralTruth, Measurement, Sample, Truth
+from flightbed.signals import (
+    Estimate,
+    LateralMeasurement,
+    LateralSample,
+    LateralTruth,
+    LoadFactorSample,
+    Measurement,
+    Sample,
+    Truth,
+)
 from flightbed.units import DEG, FT, unit_of
 
 if TYPE_CHECKING:
@@ -60,6 +69,7 @@ _MEASURED = {
     "altitude_meas_ft": ("altitude_m", 1 / FT),
     "theta_meas_deg": ("theta_rad", 1 / DEG),
     "phi_meas_deg": ("phi_rad", 1 / DEG),
+    "nz_meas_g": ("nz_g", 1.0),
 }
 _ESTIMATED = {
     "effectiveness": ("effectiveness", 1.0),
@@ -105,6 +115,16 @@ _LATERAL = {
     "aileron_mean_meas_deg": ("aileron_mean_rad/measured", 1 / DEG),
     "rudder_mean_meas_deg": ("rudder_mean_rad/measured", 1 / DEG),
 }
+# Of a flight that is commanded in g, after all others.
+_LOAD_FACTOR = {
+    "nz_cmd_g": ("nz_cmd_g", 1.0),
+    "nz_ref_g": ("nz_ref_g", 1.0),
+    "throttle_cmd_norm": ("throttle_norm", 1.0),
+    "model_a_0": ("model_a_0", 1.0),
+    "model_a_1": ("model_a_1", 1.0),
+    "model_b_0": ("model_b_0", 1.0),
+    "model_b_1": ("model_b_1", 1.0),
+}
 _TRUE_SHARES = {
     "elevator": "effectiveness_true",
     "aileron": "effectiveness_aileron_true",
@@ -121,9 +141,10 @@ _ROW = (*_FLOWN_FIELDS, *Truth._fields, *Measurement._fields)
 LEADING = len(_FLOWN_FIELDS)  # numbers of a row before the Truth, the Measurement and the Estimates
 
 
-def row_width(estimators: int, *, lateral: bool = False) -> int:
+def row_width(estimators: int, *, lateral: bool = False, load_factor: bool = False) -> int:
     """Return how many numbers a sample of a flight with so many estimates is."""
-    return len(_ROW) + estimators * len(Estimate._fields) + (len(_LATERAL_FIELDS) if lateral else 0)
+    beside = (len(_LATERAL_FIELDS) if lateral else 0) + (len(LoadFactorSample._fields) if load_factor else 0)
+    return len(_ROW) + estimators * len(Estimate._fields) + beside
 
 
 @dataclass(frozen=True)
@@ -193,35 +214,40 @@ def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz:
     """Gather the samples of a flight into a trace, as they come; no sample is kept."""
     flown = iter(samples)
     first = next(flown)
-    lateral = first.lateral is not None
-    rows = b"".join(map(row_packer(len(estimators), lateral=lateral), chain([first], flown)))
-    return from_rows(np.frombuffer(rows), estimators=estimators, control_hz=control_hz, lateral=lateral)
+    lateral, load_factor = first.lateral is not None, first.load_factor is not None
+    pack = row_packer(len(estimators), lateral=lateral, load_factor=load_factor)
+    rows = np.frombuffer(b"".join(map(pack, chain([first], flown))))
+    return from_rows(rows, estimators=estimators, control_hz=control_hz, lateral=lateral, load_factor=load_factor)
 
 
-def row_packer(estimators: int, *, lateral: bool = False) -> Callable[[Sample], bytes]:
+def row_packer(estimators: int, *, lateral: bool = False, load_factor: bool = False) -> Callable[[Sample], bytes]:
     """Return what packs a sample of a flight with so many estimates into a row as ``from_rows`` takes it apart.
 
     Packed at once a row costs half of what its numbers cost one by one in a list.
     """
-    pack = Struct(f"{row_width(estimators, lateral=lateral)}d").pack
+    pack = Struct(f"{row_width(estimators, lateral=lateral, load_factor=load_factor)}d").pack
 
     def row(sample: Sample) -> bytes:
-        tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd, more = sample
+        tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd, more, pulled = sample
         told = chain.from_iterable(estimates)
+        pull = pulled if load_factor and pulled is not None else ()
         if more is None:
-            return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *told)
+            return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *told, *pull)
         p_cmd, p_ref, beta_cmd, beta_ref, turning, read, aileron_cmd, rudder_cmd = more
         commands = p_cmd, p_ref, beta_cmd, beta_ref, aileron_cmd, rudder_cmd
-        return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *told, *commands, *turning, *read)
+        return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *told, *commands, *turning, *read, *pull)
 
     return row
 
 
-def from_rows(rows: Vector, *, estimators: Sequence[str], control_hz: int, lateral: bool = False) -> Trace:
+def from_rows(
+    rows: Vector, *, estimators: Sequence[str], control_hz: int, lateral: bool = False, load_factor: bool = False
+) -> Trace:
     """Return the trace of packed samples, one after the other."""
     groups = [("", _FLOWN, _FLOWN_FIELDS), ("", _TRUTH, Truth._fields), ("", _MEASURED, Measurement._fields)]
     groups += [(f"{name}.", _ESTIMATED, Estimate._fields) for name in estimators]
     groups += [("", _LATERAL, _LATERAL_FIELDS)] if lateral else []
+    groups += [("", _LOAD_FACTOR, LoadFactorSample._fields)] if load_factor else []
     rows = rows.reshape(-1, sum(len(fields) for _, _, fields in groups))
     columns: dict[str, Vector] = {"t_s": rows[:, 0] / control_hz}
     offset = 0

@@ -32,6 +32,8 @@ class AckermannConfig:
             rejected; the listing rejects only what is singular to the last bit.
         patience: after so many models in a row that were rejected the first gains are taken again; 0 never, as the listing. Gains that
             a poor model gave can be kept for good: they make the loop diverge along one motion, from which no better model is told.
+        kept: share of the gains before that is kept when gains are taken, 0 to below 1, but for the first that are: a low pass against
+            the flutter of Kemp S 6.3. 0, the listing, takes them at once.
 
     """
 
@@ -40,6 +42,7 @@ class AckermannConfig:
     signs: tuple[int, ...] = ()
     smallest_controllability: float = 1e-8
     patience: int = 0
+    kept: float = 0.0
 
     def __post_init__(self) -> None:
         if len(self.first) != len(self.poles) or len(self.signs) not in (0, len(self.poles)):
@@ -54,6 +57,8 @@ class AckermannConfig:
             raise ValueError("complex poles must come in conjugate pairs")
         if not self.smallest_controllability > 0.0:
             raise ValueError("smallest_controllability must be above 0: at 0 nothing can be divided by")
+        if not 0.0 <= self.kept < 1.0:
+            raise ValueError(f"kept must be at least 0 and below 1 (got {self.kept:g})")
         if self.patience < 0:
             raise ValueError(f"patience must not be negative (got {self.patience})")
 
@@ -72,8 +77,11 @@ def augmented(theta: Array, A: Array, b: Array) -> None:
 
 
 @compiled
-def _design(theta: Array, poles: placement.Poles, signs: Array, least: float, gains: Array) -> bool:
-    """Take the gains of a model, if it is controllable and their signs are allowed; tell whether they were taken."""
+def _design(theta: Array, poles: placement.Poles, signs: Array, least: float, kept: float, gains: Array) -> bool:
+    """Take the gains of a model, if it is controllable and their signs are allowed; tell whether they were taken.
+
+    ``kept`` is the share of those before that stays.
+    """
     size = gains.shape[0]
     A, b, k = np.empty((size, size)), np.empty(size), np.empty(size)
     augmented(theta, A, b)
@@ -82,7 +90,8 @@ def _design(theta: Array, poles: placement.Poles, signs: Array, least: float, ga
     for i in range(size):
         if not np.isfinite(k[i]) or signs[i] * k[i] < 0.0:
             return False
-    gains[:] = k
+    for i in range(size):
+        gains[i] = k[i] if kept == 0.0 else kept * gains[i] + (1.0 - kept) * k[i]
     return True
 
 
@@ -96,7 +105,7 @@ class IntegralPlacement:
         self._signs = np.array(config.signs or (0,) * size, dtype=np.float64)
         self._gains = np.array(config.first, dtype=np.float64)
         self.integral, self.rejected = 0.0, 0
-        self._rejected_in_a_row = 0
+        self._rejected_in_a_row, self._designed = 0, False
 
     @property
     def gains(self) -> Array:
@@ -110,7 +119,9 @@ class IntegralPlacement:
             theta: (2n,) a_0 .. a_(n-1), b_0 .. b_(n-1), as ``Plid.parameters``.
 
         """
-        taken = bool(_design(theta, self._poles, self._signs, self.config.smallest_controllability, self._gains))
+        kept, least = self.config.kept if self._designed else 0.0, self.config.smallest_controllability
+        taken = bool(_design(theta, self._poles, self._signs, least, kept, self._gains))
+        self._designed |= taken
         self.rejected += not taken
         self._rejected_in_a_row = 0 if taken else self._rejected_in_a_row + 1
         if self._rejected_in_a_row == self.config.patience > 0:

@@ -33,6 +33,13 @@ class SteeredPlant(Plant, Protocol):
         """Command aileron and rudder for the control period that ``advance`` will fly."""
 
 
+class ThrottledPlant(Plant, Protocol):
+    """A plant whose engine is commanded, too."""
+
+    def throttle(self, throttle_norm: float) -> None:
+        """Command the engine, 0 to 1, for the control period that ``advance`` will fly, and from then on."""
+
+
 class Motion(NamedTuple):
     """A state of motion of the rigid body. Airspeed m/s, altitude m, the rest rad and rad/s; wings level unless told."""
 

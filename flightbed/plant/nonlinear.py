@@ -94,6 +94,7 @@ class JsbsimPlant:
         self._moment = fdm.setter(aircraft.properties["effectiveness"])
         self._force = fdm.setter(aircraft.properties["elevator_force"])
         self._shift_cg = fdm.cg_shifter()
+        self._throttle = fdm.setter(aircraft.properties["throttle_norm"])
         self._command(start.elevator_rad)
         self._gusts, self._gust_down = gusts, fdm.setter("atmosphere/gust-down-fps")
         self._frames, self.gust_up_m_s = 0, 0.0
@@ -185,6 +186,10 @@ class JsbsimPlant:
     def steer(self, aileron_cmd_rad: float, rudder_cmd_rad: float) -> None:
         """Command aileron and rudder for the control period to come; ``advance`` puts it, when it knows how their actuators fare in it."""
         self._steering = aileron_cmd_rad, rudder_cmd_rad
+
+    def throttle(self, throttle_norm: float) -> None:
+        """Command the engine, 0 to 1, for the control period to come and from then on."""
+        self._throttle(throttle_norm)
 
     def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
         """Fly one control period with the command held and this left of the aircraft.

@@ -12,6 +12,8 @@ from pydantic_core import PydanticCustomError
 
 from flightbed.consistency import contradictions
 from flightbed.settings.base import Identifier, NonNegative, OwnSettings, Positive, Settings, Share, between, registered
+from flightbed.settings.load_factor import Autothrottle, Identification
+from flightbed.units import DEG
 
 
 class AircraftSettings(Settings):
@@ -62,14 +64,19 @@ class _Shape(OwnSettings):
 
 
 class Command(_Shape):
-    """Pitch-rate command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
+    """Pitch-rate, roll-rate or load-factor command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
 
     amplitude_deg_s: float = 5.0
+    amplitude_g: float = 1.0
 
     @model_validator(mode="before")
     @classmethod
     def _small_dither(cls, raw: Any) -> Any:
         return {"amplitude_deg_s": 0.5, **raw} if isinstance(raw, Mapping) and raw.get("kind") == "dither" else raw
+
+    def in_g(self) -> Command:
+        """Return the command whose rad/s are this one's g."""
+        return self.model_copy(update={"amplitude_deg_s": self.amplitude_g / DEG})
 
 
 class RollCommand(Command):
@@ -116,6 +123,7 @@ class Sensors(Settings):
     altitude_std_ft: NonNegative = 10.0
     theta_std_deg: NonNegative = 0.05
     phi_std_deg: NonNegative = 0.05
+    nz_std_g: NonNegative = 0.0
     beta_std_deg: Positive = 0.03
     p_std_deg_s: Positive = 0.1108
     r_std_deg_s: Positive = 0.1108
@@ -205,6 +213,8 @@ class Control(OwnSettings):
     integral_pole_rad_s: Annotated[float, between(-100.0, -1e-6)] = -0.5
     gains: GainSettings | None = None
     weights: PitchWeights = PitchWeights()
+    identification: Identification = Identification()
+    autothrottle: Autothrottle = Autothrottle()
     state_from: str = ""
 
     @model_validator(mode="after")
@@ -292,6 +302,9 @@ class EstimatorSettings(OwnSettings):
     variance_max: Positive = 1.0
     walk_std: NonNegative = 1e-4
     false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-6
+    block_fade: Annotated[float, between(1, 2)] = 1.01
+    form: Literal["factored", "plain"] = "factored"
+    precision: Literal["double", "single"] = "double"
     prior: Prior = Prior()
 
     @model_validator(mode="before")

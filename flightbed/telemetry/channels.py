@@ -265,7 +265,12 @@ def _airframe() -> list[Plot]:
     return [
         one("mach", "Mach number, 1", "Mach", "mach"),
         one("altitude", "Altitude, ft", "altitude", "altitude_ft"),
-        one("load_factor", "Load factor nz, g", "nz", "nz_g"),
+        Plot(
+            "load_factor",
+            "Load factor nz, g",
+            AIRFRAME,
+            (_line("nz reference", palette.REFERENCE, "nz_ref_g"), _line("nz", palette.ACTUAL, "nz_g")),
+        ),
         Plot(
             "attitude",
             "Attitude, deg",

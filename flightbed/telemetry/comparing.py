@@ -52,6 +52,7 @@ _COLUMNS: Mapping[str, str] = {
 _SHARED = {
     "pitch_rate": ("q_ref_deg_s", "q reference", palette.REFERENCE),
     "effectiveness": ("effectiveness_true", "K true", palette.TRUTH),
+    "load_factor": ("nz_ref_g", "nz reference", palette.REFERENCE),
     "roll_rate": ("p_ref_deg_s", "p reference", palette.REFERENCE),
     "sideslip": ("beta_ref_deg", "beta reference", palette.REFERENCE),
     "effectiveness_aileron": ("effectiveness_aileron_true", "K true", palette.TRUTH),
@@ -114,8 +115,10 @@ def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: S
         column, label, color = _SHARED[plot.key]
         told: list[tuple[Vector, Vector]] = []
         for run, slug in zip(runs, slugs, strict=True):
-            reference = run.trace.columns.get(column)
-            if reference is None or any(same_line(run.trace["t_s"], reference, *other) for other in told):
+            reference = run.trace.columns.get(column)  # what nobody asks for is no line
+            if reference is None or not np.any(np.isfinite(reference)):
+                continue
+            if any(same_line(run.trace["t_s"], reference, *other) for other in told):
                 continue
             told.append((run.trace["t_s"], reference))
             entity = f"{plot.key}/{label.replace(' ', '_')}/{slug}"

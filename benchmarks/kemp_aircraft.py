@@ -1,0 +1,207 @@
+"""Kemp's chapter 6 on JSBSim's F-16: adaptive against scheduled, flutter and its remedies, elevator losses, accelerometer noise, time.
+
+    python benchmarks/kemp_aircraft.py [--runs 20] [--workers N]
+
+1. Cases 1 to 3 of the thesis: overshoot, undershoot, what the c.g. shift does, flutter. The seeds vary the sensors' noise.
+2. Losses of elevator effectiveness before a pull-up.
+3. The same with noise on the accelerometer, which the thesis does not have.
+4. A loop at 4 g, with the command's prefilter and without; from 334 to 900 ft/s.
+5. Microseconds of a demand of each law and of an update of the estimator ``plid``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+
+from flightbed.assembly import assemble
+from flightbed.ensemble import Flown, Job, fly_jobs, processes
+from flightbed.loop import fly
+from flightbed.plan import plan
+from flightbed.pull_up import COLUMNS, PullUp, command_g, increment_g, pull_up
+from flightbed.scenario import load_scenario
+from flightbed.settings import Scenario
+from flightbed.statistics import median_interval, share
+
+# Of the thesis: first guess and variances of the listing of D, gains at once.
+THESIS = (
+    "control.identification.prior=thesis", "control.identification.prior_var=1", "control.identification.gain_filter_rad_s=0",
+)  # fmt: skip
+LAWS: dict[str, tuple[str, ...]] = {
+    "scheduled": ("control.law=nz-scheduled",),
+    "scheduled, soft": ("control.law=nz-scheduled", "control.poles=[[-1.68,0.84],[-1.68,-0.84],[-4.2,0]]"),
+    "scheduled, as slow": ("control.law=nz-scheduled", "control.poles=[[-2.4,1.2],[-2.4,-1.2],[-6,0]]"),
+    "adaptive": (),
+    "adaptive, thesis": THESIS,
+    "- its u filtered": (*THESIS, "control.identification.command_filter_rad_s=20"),
+    "- its gains filtered": (*THESIS[:2], "control.identification.gain_filter_rad_s=5"),
+}
+CASES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "1: 1 g, 1 s": ("cg-shift", ("failures=[]", "duration_s=16", "command.start_s=10", "command.period_s=1")),
+    "2: c.g. at 10 s": ("cg-shift", ()),
+    "3: throttle, c.g.": ("throttle-and-cg", ()),
+}
+LOSSES = (0.5, 0.35, 0.2, 0.1)
+NOISES_G = (0.002, 0.005, 0.01)
+
+
+def _measured(scenario: Scenario, flights: Sequence[Flown]) -> list[PullUp]:
+    hz = scenario.rates.control_hz
+    return [pull_up(flown.columns, control_hz=hz, ticks=scenario.ticks) for flown in flights]
+
+
+def _row(name: str, found: Sequence[PullUp]) -> str:
+    kept = [f for f in found if not f.lost]
+    lost = share(len(found) - len(kept), len(found))
+    text = f"{name:>22} | {len(found) - len(kept):3d}/{len(found)} ({lost.low:.2f} to {lost.high:.2f})"
+    if not kept:
+        return text
+    columns = (
+        [100.0 * f.overshoot for f in kept], [100.0 * f.undershoot for f in kept], [f.disturbance_g for f in kept],
+        [f.flutter_deg for f in kept], [f.tracking_rms_g for f in kept],
+    )  # fmt: skip
+    for column in columns:
+        m = median_interval(column)
+        text += f" | {m.estimate:7.2f} ({m.low:7.2f} to {m.high:7.2f})"
+    return text
+
+
+def table(
+    title: str, cases: dict[str, dict[str, Scenario]], runs: int, executor: Executor | None
+) -> dict[str, dict[str, list[PullUp]]]:
+    """Fly and print a table for each case, a row for each law; returns what was measured."""
+    jobs = [(case, law, scenario) for case, laws in cases.items() for law, scenario in laws.items()]
+    flights = fly_jobs([Job(scenario, runs, COLUMNS) for _, _, scenario in jobs], executor=executor)
+    found: dict[str, dict[str, list[PullUp]]] = {case: {} for case in cases}
+    for (case, law, scenario), flown in zip(jobs, flights, strict=True):
+        found[case][law] = _measured(scenario, flown)
+    print(f"\n{title}: {runs * len(jobs)} flights. Medians of those not lost, with intervals of 95 %")
+    heads = ("overshoot, %", "undershoot, %", "before it, g", "flutter, deg", "RMS of the error, g")
+    print(f"{'':>22} | {'lost, share':>19} | " + " | ".join(f"{head:>26}" for head in heads))
+    for case, laws in found.items():
+        print(f"  {case}")
+        for law, measured in laws.items():
+            print(_row(law, measured))
+    return found
+
+
+def cases(runs: int, executor: Executor | None) -> None:
+    """Print the thesis's cases, and how often the adaptive overshoot is below the scheduled one of the same seed."""
+    wanted = {
+        case: {law: load_scenario(name, (*sets, *more)) for law, more in LAWS.items()}
+        for case, (name, sets) in CASES.items()
+    }
+    found = table("1. Cases of chapter 6", wanted, runs, executor)
+    for case, laws in found.items():
+        for rival in ("scheduled", "scheduled, as slow", "scheduled, soft"):
+            pairs = zip(laws["adaptive"], laws[rival], strict=True)
+            less = median_interval([100.0 * (a.overshoot - s.overshoot) for a, s in pairs])
+            print(
+                f"  {case}: overshoot, adaptive less {rival}: {less.estimate:.2f} ({less.low:.2f} to {less.high:.2f}) % of the command"
+            )
+
+
+def losses(runs: int, executor: Executor | None) -> None:
+    """Print elevator losses without accelerometer noise, and with it."""
+    laws = ("scheduled", "scheduled, as slow", "adaptive", "adaptive, thesis")
+    wanted = {
+        f"K = {to}": {law: load_scenario("pull-up-loss", (f"failures.0.to={to}", *LAWS[law])) for law in laws}
+        for to in LOSSES
+    }
+    table("2. Elevator losses", wanted, runs, executor)
+    noisy = {
+        f"{name}, accelerometer {std:g} g": {
+            law: load_scenario(name, (f"sensors.nz_std_g={std}", *LAWS[law])) for law in laws
+        }
+        for std in NOISES_G
+        for name in ("cg-shift", "throttle-and-cg", "pull-up-loss")
+    }
+    table("3. Accelerometer noise", noisy, runs, executor)
+
+
+def loops(runs: int, executor: Executor | None) -> None:
+    """Print how well 4 g are held in a loop."""
+    print("\n4. A loop: a_n from 2 s after the command to its end, g")
+    for law in ("scheduled", "adaptive", "adaptive, thesis"):
+        for filtered in (3, 0):
+            scenario = load_scenario("loop", (f"command.filter_rad_s={filtered}", *LAWS[law]))
+            (flights,) = fly_jobs([Job(scenario, runs, (*COLUMNS, "q_deg_s"))], executor=executor)
+            least, most, turns = [], [], []
+            for flown in flights:
+                t, held = flown.columns["t_s"], increment_g(flown.columns)
+                on = (t >= 7.0) & (t < 39.0)
+                least.append(float(np.min(held[on])))
+                most.append(float(np.max(held[on])))
+                turns.append(float(np.sum(flown.columns["q_deg_s"])) / scenario.rates.control_hz)
+            print(
+                f"{law:>22}, prefilter {filtered} rad/s | {min(least):6.2f} to {max(most):6.2f} | turned {np.median(turns):5.0f} deg"
+            )
+
+
+def speeds(runs: int, executor: Executor | None) -> None:
+    """Print the error of a_n to its reference, 10 s by 10 s, while the speed goes up."""
+    print("\n   From 334 to 900 ft/s: RMS of a_n less its reference, g, over 0-10, 10-20, ... 50-60 s; medians")
+    for law in ("scheduled", "adaptive", "adaptive, thesis"):
+        scenario = load_scenario("speed-range", LAWS[law])
+        (flights,) = fly_jobs([Job(scenario, runs, (*COLUMNS, "nz_ref_g"))], executor=executor)
+        errors = []
+        for flown in flights:
+            reference = flown.columns["nz_ref_g"] - (flown.columns["nz_cmd_g"] - command_g(flown.columns))
+            error = increment_g(flown.columns) - reference
+            errors.append([float(np.sqrt(np.mean(part**2))) for part in np.split(error, 6)])
+        print(f"{law:>22} | " + " ".join(f"{value:6.3f}" for value in np.median(errors, axis=0)))
+
+
+def _timed(call: Callable[[], object], repeats: int) -> float:
+    began = time.perf_counter()
+    for _ in range(repeats):
+        call()
+    return (time.perf_counter() - began) / repeats * 1e6
+
+
+def times() -> None:
+    """Print what a demand and an update take, of readings of a flight."""
+    print("\n5. Microseconds of a call, median of nine rounds of 200")
+    for name, more in (("nz-scheduled", LAWS["scheduled"]), ("nz-adaptive", ())):
+        planned = plan(load_scenario("cg-shift", more))
+        samples = list(fly(assemble(planned)))
+        axis = assemble(planned).load_factor
+        assert axis is not None
+        readings = iter([sample.measurement for sample in samples])
+        law = axis.law
+        rounds = [
+            _timed(lambda law=law, it=readings: law.demand(next(it), increment_ref_g=0.0, hold=False), 190)
+            for _ in range(9)
+        ]
+        print(f"{name:>22} | {np.median(rounds):6.1f}")
+    for form, precision in (("plain", "double"), ("factored", "double"), ("factored", "single")):
+        entry = f'estimators=[{{name="plid", kind="plid", form="{form}", precision="{precision}"}}]'
+        flight = assemble(plan(load_scenario("elevator-loss", (entry, "adaptation.enabled=false"))))
+        readings = [sample.measurement for sample in fly(assemble(plan(load_scenario("elevator-loss", ()))))]
+        update, it = flight.estimators[0].update, iter(readings)  # type: ignore[union-attr]
+        rounds = [_timed(lambda update=update, it=it: update(next(it)), 180) for _ in range(9)]
+        print(f"{f'plid, {form}, {precision}':>22} | {np.median(rounds):6.1f}")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print everything."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=20)
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args(arguments)
+    with processes(given.workers) as executor:
+        cases(given.runs, executor)
+        losses(given.runs, executor)
+        loops(min(given.runs, 5), executor)
+        speeds(min(given.runs, 5), executor)
+    times()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

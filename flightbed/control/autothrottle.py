@@ -1,0 +1,32 @@
+"""A bang-bang autothrottle on airspeed (Kemp 1987, S 6.3 and the listing of subroutine D)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flightbed.air import standard_air
+from flightbed.signals import Measurement
+
+
+@dataclass(frozen=True)
+class Autothrottle:
+    """The engine at one of two settings, by whether the aircraft is too slow.
+
+    Attributes:
+        low_norm, high_norm: the settings; the listing has 0.25 and 1 of its engine.
+        airspeed_m_s: true airspeed that is held, by air data.
+        then_m_s: the same from the tick ``from_tick`` on.
+
+    """
+
+    low_norm: float
+    high_norm: float
+    airspeed_m_s: float
+    then_m_s: float
+    from_tick: int
+
+    def throttle(self, measurement: Measurement, tick: int) -> float:
+        """Return the command to the engine, 0 to 1."""
+        wanted = self.then_m_s if tick >= self.from_tick else self.airspeed_m_s
+        airspeed = measurement.mach * standard_air(measurement.altitude_m).sound_m_s
+        return self.high_norm if airspeed < wanted else self.low_norm

@@ -1,0 +1,182 @@
+"""Laws of load factor: what they are asked for, the models that they are designed on, and gains scheduled over dynamic pressure.
+
+The command is an increment over level flight, a_n = nz - cos theta cos phi, up positive: Kemp (1987), eq (6.1), whose a_n is positive
+down. What an accelerometer reads holds gravity; attitude takes it out, so that no command is a straight line whatever its slope.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from flightbed.air import standard_air
+from flightbed.control import placement
+from flightbed.errors import DesignError
+from flightbed.short_period import zero_order_hold
+from flightbed.signals import Measurement
+
+Array = npt.NDArray[np.float64]
+POLES = (complex(-4.0, 2.0), complex(-4.0, -2.0), complex(-10.0))  # rad/s, Kemp S 6.2
+
+
+class LoadFactorLaw(Protocol):
+    """A law that is commanded in g; its demand is the *effective* deflection, trim included, as a ``base.Law``'s."""
+
+    def demand(self, measurement: Measurement, *, increment_ref_g: float, hold: bool) -> float:
+        """Return the deflection that should act, rad.
+
+        Args:
+            measurement: the sensors' readings.
+            increment_ref_g: reference of a_n, up positive.
+            hold: the last command was cut at the stops: do not integrate further.
+
+        """
+
+    @property
+    def model(self) -> tuple[float, float, float, float]:
+        """What has been identified: a_0, a_1, b_0, b_1 as ``Plid.parameters``; nan of a law that identifies nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class PitchPoint:
+    """Short period and load factor at a trim point, in deviations: x' = A x + b u, a_n = c x + d u, x = (alpha, q). SI, radians, g.
+
+    Attributes:
+        dynamic_pressure_pa: where.
+        A: (2, 2).
+        b: (2,), per rad of elevator.
+        c: (2,), g per rad and per rad/s.
+        d: g per rad of elevator.
+
+    """
+
+    dynamic_pressure_pa: float
+    A: Array
+    b: Array
+    c: Array
+    d: float
+
+
+@dataclass(frozen=True, eq=False)
+class GainTable:
+    """Gains over dynamic pressure, held beyond its ends: u = alpha a + q q + error (r - a_n) + integral I(r - a_n).
+
+    Attributes:
+        dynamic_pressure_pa: (N,) rising.
+        gains: (N, 4), alpha, q, error, integral; 1, s, rad/g, rad/(g s).
+
+    """
+
+    dynamic_pressure_pa: Array
+    gains: Array
+
+    def at(self, dynamic_pressure_pa: float) -> tuple[float, float, float, float]:
+        """Return the gains, linear between the points."""
+        nodes, p = self.dynamic_pressure_pa, dynamic_pressure_pa
+        i = min(max(int(np.searchsorted(nodes, p)), 1), len(nodes) - 1)
+        share = min(max((p - float(nodes[i - 1])) / float(nodes[i] - nodes[i - 1]), 0.0), 1.0)
+        low, high = self.gains[i - 1].tolist(), self.gains[i].tolist()
+        alpha, q, error, integral = (a + share * (b - a) for a, b in zip(low, high, strict=True))
+        return alpha, q, error, integral
+
+
+@dataclass(frozen=True, eq=False)
+class LoadFactorDesign:
+    """What laws of load factor are made of.
+
+    Attributes:
+        points: over dynamic pressure, rising.
+        here: at the start.
+        actuator_rad_s: bandwidth of the first-order actuator.
+        stops_rad: of the elevator.
+        elevator_trim_rad: at the start.
+
+    """
+
+    points: tuple[PitchPoint, ...]
+    here: PitchPoint
+    actuator_rad_s: float
+    stops_rad: tuple[float, float]
+    elevator_trim_rad: float
+
+
+def increment_g(measurement: Measurement) -> float:
+    """Return a_n as it is measured, up positive, g."""
+    return measurement.nz_g - level_g(measurement)
+
+
+def level_g(measurement: Measurement) -> float:
+    """Return the load factor of unaccelerated flight at the measured attitude, g."""
+    return cos(measurement.theta_rad) * cos(measurement.phi_rad)
+
+
+def dynamic_pressure_pa(measurement: Measurement) -> float:
+    """Return 0.7 p M^2 by the air data."""
+    return 0.7 * standard_air(measurement.altitude_m).pressure_pa * measurement.mach**2
+
+
+def design_gains(point: PitchPoint, poles: Sequence[complex] = POLES) -> tuple[float, float, float, float]:
+    """Place the poles of (alpha, q, integral of the error), the actuator left out: the feedbacks of Kemp S 6.1.
+
+    That u also feeds the error itself is free: its gain puts the zero of the reference on the fastest pole, so that the others answer.
+
+    Raises:
+        DesignError: the model does not admit it, or there are not three poles.
+
+    """
+    A, b = np.zeros((3, 3)), np.append(point.b, -point.d)
+    A[:2, :2], A[2, :2] = point.A, -point.c
+    try:
+        alpha, q, summed = placement.gains(A, b, poles).tolist()
+    except ValueError as problem:
+        raise DesignError(
+            f"load factor at {point.dynamic_pressure_pa:.0f} Pa: cannot place the poles: {problem}"
+        ) from None
+    integral = -summed
+    error = integral / max(abs(pole) for pole in poles)
+    return -alpha + error * float(point.c[0]), -q + error * float(point.c[1]), error, integral
+
+
+def gain_table(points: Sequence[PitchPoint], poles: Sequence[complex] = POLES) -> GainTable:
+    """Design at every point. Raises DesignError."""
+    return GainTable(
+        np.array([point.dynamic_pressure_pa for point in points]), np.array([design_gains(p, poles) for p in points])
+    )
+
+
+def second_order(
+    point: PitchPoint, *, pitch_rate_gain: float, actuator_rad_s: float, hz: int
+) -> tuple[float, float, float, float]:
+    """Return a_0, a_1, b_0, b_1 of the second-order model from the input of the inner loop, u - G q, to -a_n at the control rate.
+
+    Least squares on the impulse response from the second sample on, with b_1 = 0. The first sample's answer is that of the tail's
+    own lift, whose sign is a known defect of the F-16's file, and of half a period's delay: a model that has it has a zero beside its
+    poles, and gains designed on it are large. The tail's lift is left out, and so is the force Z_delta.
+
+    Args:
+        point: the model.
+        pitch_rate_gain: G of the inner loop, elevator = u + G q, s.
+        actuator_rad_s: bandwidth of the actuator.
+        hz: control rate.
+
+    """
+    A, b = np.zeros((3, 3)), np.array([0.0, 0.0, actuator_rad_s])
+    A[:2, :2], A[1, 2], A[2, 2] = point.A, point.b[1], -actuator_rad_s
+    held = zero_order_hold(A, b, 1.0 / hz)
+    closed = held.A + np.outer(held.b, [0.0, pitch_rate_gain, 0.0])
+    output = -np.append(point.c, 0.0)
+    x, y = held.b.copy(), [0.0]
+    for _ in range(10 * hz):
+        y.append(float(output @ x))
+        x = closed @ x
+    answer = np.array(y)
+    struck = np.zeros(len(answer) - 2)
+    struck[0] = 1.0
+    past = np.column_stack([answer[1:-1], answer[:-2], struck])
+    a_1, a_0, b_0 = np.linalg.lstsq(past, answer[2:], rcond=None)[0].tolist()
+    return a_0, a_1, b_0, 0.0

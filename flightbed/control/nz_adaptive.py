@@ -1,0 +1,107 @@
+"""Load factor by pseudo-linear identification and pole placement in flight: Kemp (1987), chapter 6 and the listing of subroutine D.
+
+An inner loop of pitch rate with a scheduled gain, elevator = u + G q, holds the aircraft while PLID learns the second-order transfer
+function from u to y = -a_n (down positive: the gains then have the signs of the thesis), and every tick the poles are placed anew.
+u is absolute, trim included, as in the listing: that y = 0 goes with a u that is not 0 is to the filter process noise, or a zero at 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp
+
+from flightbed.control.ackermann import AckermannConfig, IntegralPlacement
+from flightbed.control.load_factor import GainTable, dynamic_pressure_pa, increment_g
+from flightbed.estimation.plid import Form, Plid, PlidConfig
+from flightbed.signals import Measurement
+
+# Listing of D: s_0, poles near the unit circle and the zero that the thesis expects; the gains until a model gives others.
+THESIS_PRIOR = (-0.9856, 1.953, 0.1416, -0.1025)
+FIRST_GAINS = (0.0, 0.0, -0.05)
+SIGNS = (1, 1, -1)  # of the gains that are accepted, S 6.2
+
+
+@dataclass(frozen=True)
+class NzAdaptiveConfig:
+    """Settings of the law. SI, radians, g.
+
+    Attributes:
+        plid: of the filter, order 2; the state of its prior is set at the start of the flight.
+        form: how its covariance is held.
+        placement: of poles in the z plane.
+        command_filter_rad_s: first-order filter of u, of which PLID is told; 0 for none. A departure, against the flutter of S 6.3.
+
+    """
+
+    plid: PlidConfig
+    form: Form
+    placement: AckermannConfig
+    command_filter_rad_s: float = 0.0
+
+
+class NzAdaptive:
+    """The law at work; a LoadFactorLaw.
+
+    Args:
+        config: settings.
+        table: the inner loop's G is that of the scheduled law, as in the thesis.
+        control_hz: rate of the demands.
+        elevator_trim_rad: where it starts.
+        stops_rad: the demand stays between them: u is cut to what the inner loop leaves, and the integral is held there (listing of D).
+
+    """
+
+    def __init__(
+        self,
+        config: NzAdaptiveConfig,
+        table: GainTable,
+        *,
+        control_hz: int,
+        elevator_trim_rad: float,
+        stops_rad: tuple[float, float],
+    ) -> None:
+        self._plid, self._placement = Plid(config.plid, config.form), IntegralPlacement(config.placement)
+        self._table, self._stops = table, stops_rad
+        bandwidth = config.command_filter_rad_s
+        self._keep = exp(-bandwidth / control_hz) if bandwidth else 0.0
+        self._u, self._begun = elevator_trim_rad, False
+
+    @property
+    def model(self) -> tuple[float, float, float, float]:
+        """What has been identified: a_0, a_1, b_0, b_1."""
+        a_0, a_1, b_0, b_1 = self._plid.parameters.tolist()
+        return a_0, a_1, b_0, b_1
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """State gains and that of the integral, rad/g, rad/g, rad/g."""
+        return tuple(self._placement.gains.tolist())
+
+    @property
+    def rejected(self) -> int:
+        """How many models gave gains that were not taken."""
+        return self._placement.rejected
+
+    def demand(self, measurement: Measurement, *, increment_ref_g: float, hold: bool) -> float:  # noqa: ARG002
+        """Return the deflection that should act, rad. ``hold`` says nothing new: the law knows the stops."""
+        y = -increment_g(measurement)
+        damping = -self.damping(measurement) * measurement.q_rad_s
+        self._plid.update(y, self._u)
+        self._placement.design(self._plid.parameters)
+        x = self._plid.state
+        if not self._begun:
+            self._placement.settle(x, self._u)
+            self._begun = True
+        low, high = self._stops
+        u = self._placement.demand(x, -increment_ref_g - y, (low + damping, high + damping))
+        self._u = self._keep * self._u + (1.0 - self._keep) * u
+        return self._u - damping
+
+    def damping(self, measurement: Measurement) -> float:
+        """Return G of the inner loop, s."""
+        return self._table.at(dynamic_pressure_pa(measurement))[1]
+
+
+def settled(model: tuple[float, float, float, float], u: float) -> tuple[float, ...]:
+    """Return the extended state of a model that has rested at y = 0 with the input u: x_1 = b_0 u, x_2 = y = 0."""
+    return model[2] * u, 0.0, *model

@@ -1,0 +1,51 @@
+"""Load factor by fixed gains that are scheduled on measured dynamic pressure: the baseline of Kemp (1987), S 6.1."""
+
+from __future__ import annotations
+
+from math import nan
+
+from flightbed.control.load_factor import GainTable, dynamic_pressure_pa, increment_g
+from flightbed.signals import Measurement
+
+
+class NzScheduled:
+    """Feedback of alpha, q, the error of a_n and its integral. A LoadFactorLaw.
+
+    Written as increments, u_k = u_(k-1) + K (x_k - x_(k-1)) + K_i e_k / hz: gains may move without a bump and no trim has to be
+    scheduled (the velocity form of Kaminer, Pascoal, Khargonekar and Coleman, Automatica 31 (1995) 1185). The thesis does not say
+    how its controller is written.
+
+    Args:
+        table: gains over dynamic pressure.
+        control_hz: rate of the demands.
+        elevator_trim_rad: where it starts.
+        stops_rad: the demand stays between them.
+
+    """
+
+    def __init__(
+        self, table: GainTable, *, control_hz: int, elevator_trim_rad: float, stops_rad: tuple[float, float]
+    ) -> None:
+        self.table, self._hz, self._stops = table, control_hz, stops_rad
+        self._demand, self._last = elevator_trim_rad, (nan, nan, nan)
+
+    @property
+    def model(self) -> tuple[float, float, float, float]:
+        """Nothing is identified."""
+        return nan, nan, nan, nan
+
+    def demand(self, measurement: Measurement, *, increment_ref_g: float, hold: bool) -> float:
+        """Return the deflection that should act, rad."""
+        alpha, q, error, integral = self.table.at(dynamic_pressure_pa(measurement))
+        missed = increment_ref_g - increment_g(measurement)
+        now = measurement.alpha_rad, measurement.q_rad_s, missed
+        if self._last[0] != self._last[0]:  # the first reading is where changes count from
+            self._last = now
+        changed = [new - old for new, old in zip(now, self._last, strict=True)]
+        self._last = now
+        self._demand += alpha * changed[0] + q * changed[1] + error * changed[2]
+        if not hold:
+            self._demand += integral * missed / self._hz
+        low, high = self._stops
+        self._demand = min(max(self._demand, low), high)
+        return self._demand

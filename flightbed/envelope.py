@@ -1,0 +1,68 @@
+"""An aircraft -> its pitch motion and load factor over dynamic pressure, for laws that are scheduled on it."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from flightbed.air import standard_air
+from flightbed.aircraft import Aircraft
+from flightbed.control.load_factor import PitchPoint
+from flightbed.errors import NoTrimError
+from flightbed.linearize import LinearModel, linearize
+from flightbed.plant.airframe import JsbsimAirframe
+from flightbed.trim import trim
+from flightbed.units import FT, LBF
+
+PSF = LBF / FT**2  # Pa
+DYNAMIC_PRESSURES_PSF = (
+    25.0,
+    77.5,
+    130.0,
+    182.5,
+    235.0,
+    287.5,
+    340.0,
+    392.5,
+    445.0,
+    497.5,
+    550.0,
+)  # Kemp S 6.1: 11 points
+_LOADS = (None, 0.75, 0.5, 0.25)  # level flight; where there is none, a push-over at this load factor
+
+
+def pitch_points(aircraft: Aircraft, *, cg_shift_cbar: float) -> tuple[PitchPoint, ...]:
+    """Trim and linearize at sea level at Kemp's 11 dynamic pressures, 25 to 550 lb/ft^2.
+
+    The F-16 does not fly level at 25 lb/ft^2: there the point is that of a push-over with less lift; the thesis does not say what it did.
+
+    Raises:
+        NoTrimError: there is no equilibrium at one of them, not even at a quarter of the weight.
+
+    """
+    return tuple(_point(aircraft, pressure * PSF, cg_shift_cbar) for pressure in DYNAMIC_PRESSURES_PSF)
+
+
+def _point(aircraft: Aircraft, dynamic_pressure_pa: float, cg_shift_cbar: float) -> PitchPoint:
+    air = standard_air(0.0)
+    mach = sqrt(dynamic_pressure_pa / (0.7 * air.pressure_pa))
+    airframe = JsbsimAirframe(aircraft, mach=mach, altitude_m=0.0, cg_shift_cbar=cg_shift_cbar)
+    for load in _LOADS:
+        try:
+            point = trim(airframe, load_factor=load)
+            break
+        except NoTrimError:
+            if load == _LOADS[-1]:
+                raise
+    return pitch_point(linearize(airframe, point), mach=mach, altitude_m=0.0)
+
+
+def pitch_point(model: LinearModel, *, mach: float, altitude_m: float) -> PitchPoint:
+    """Take short period and load factor out of a linear model of that Mach number and altitude."""
+    A, B = model.part(("alpha", "q"), ("elevator",))
+    states, inputs = [name for name, _ in model.states], [name for name, _ in model.inputs]
+    row = [name for name, _ in model.outputs].index("nz")
+    c = model.C[row, [states.index("alpha"), states.index("q")]]
+    pressure = 0.7 * standard_air(altitude_m).pressure_pa * mach**2
+    return PitchPoint(pressure, A, B[:, 0], np.asarray(c), float(model.D[row, inputs.index("elevator")]))

@@ -1,0 +1,106 @@
+"""Factories of what Kemp's thesis adds to flightbed: settings -> laws of load factor, and PLID as an estimator of effectiveness."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import exp
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from flightbed import settings as s
+from flightbed.control.ackermann import AckermannConfig
+from flightbed.control.autothrottle import Autothrottle
+from flightbed.control.load_factor import POLES, LoadFactorDesign, LoadFactorLaw, gain_table, second_order
+from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, settled
+from flightbed.control.nz_scheduled import NzScheduled
+from flightbed.estimation.base import Estimator, OnBoard
+from flightbed.estimation.plid import CONVENTIONAL, PlidConfig, Tracking
+from flightbed.estimation.plid_effectiveness import PlidEffectiveness, PlidEffectivenessConfig
+from flightbed.estimation.udu import FACTORED
+from flightbed.units import DEG, FT
+
+_FORMS = MappingProxyType({"factored": FACTORED, "plain": CONVENTIONAL})
+
+
+def _dtype(precision: str) -> Literal["float64", "float32"]:
+    return "float32" if precision == "single" else "float64"
+
+
+def _poles(settings: s.Control) -> Sequence[complex]:
+    return POLES if settings.poles is None else [complex(re, im) for re, im in settings.poles]
+
+
+def nz_scheduled(settings: s.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+    """Load factor by gains of alpha, q, error and its integral, fixed over measured dynamic pressure (Kemp S 6.1)."""
+    return NzScheduled(
+        gain_table(design.points, _poles(settings)),
+        control_hz=control_hz,
+        elevator_trim_rad=design.elevator_trim_rad,
+        stops_rad=design.stops_rad,
+    )
+
+
+def nz_adaptive(settings: s.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+    """Load factor by PLID and pole placement at every tick, around a pitch-rate loop (Kemp chapter 6)."""
+    wanted, poles = settings.identification, _poles(settings)
+    table = gain_table(design.points, poles)
+    damping = table.at(design.here.dynamic_pressure_pa)[1]
+    model = THESIS_PRIOR
+    if wanted.prior == "linearization":
+        model = second_order(design.here, pitch_rate_gain=damping, actuator_rad_s=design.actuator_rad_s, hz=control_hz)
+    plid = PlidConfig(
+        order=2,
+        process_var=wanted.process_var,
+        output_var=wanted.output_var,
+        prior=settled(model, design.elevator_trim_rad),
+        prior_var=wanted.prior_var,
+        tracking=Tracking(block_fade=wanted.block_fade),
+        dtype=_dtype(wanted.precision),
+    )
+    placement = AckermannConfig(
+        poles=tuple(complex(np.exp(pole / control_hz)) for pole in poles),
+        first=FIRST_GAINS,
+        signs=SIGNS,
+        patience=wanted.patience,
+        kept=exp(-wanted.gain_filter_rad_s / control_hz) if wanted.gain_filter_rad_s else 0.0,
+    )
+    return NzAdaptive(
+        NzAdaptiveConfig(plid, _FORMS[wanted.form], placement, wanted.command_filter_rad_s),
+        table,
+        control_hz=control_hz,
+        elevator_trim_rad=design.elevator_trim_rad,
+        stops_rad=design.stops_rad,
+    )
+
+
+def autothrottle(settings: s.Autothrottle, *, airspeed_m_s: float, control_hz: int) -> Autothrottle | None:
+    """Hold the airspeed of the start, and from then_at_s on another one; None where it is off."""
+    if not settings.enabled:
+        return None
+    return Autothrottle(
+        settings.low_norm,
+        settings.high_norm,
+        airspeed_m_s,
+        settings.then_fps * FT if settings.then_fps else airspeed_m_s,
+        round(settings.then_at_s * control_hz),
+    )
+
+
+def plid(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
+    """Pseudo-linear identification (Kemp 1987) of elevator to pitch rate; K is its numerator over the healthy one."""
+    return PlidEffectiveness(
+        PlidEffectivenessConfig(
+            scheduled=settings.model == "scheduled",
+            form=_FORMS[settings.form],
+            dtype=_dtype(settings.precision),
+            block_fade=settings.block_fade,
+            q_disturbance_rad_s2=settings.q_disturbance_deg_s2 * DEG,
+            smoothing=settings.smoothing,
+            bounds=(settings.bounds[0], settings.bounds[1]),
+            prior_effectiveness=settings.prior.effectiveness,
+            prior_effectiveness_var=settings.prior.effectiveness_std**2,
+        ),
+        onboard,
+    )

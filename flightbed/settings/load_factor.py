@@ -1,0 +1,38 @@
+"""The tables of a flight that is commanded in g: what is identified, and the throttle."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from flightbed.settings.base import NonNegative, Positive, Settings, Share, between
+
+
+class Identification(Settings):
+    """Of the law nz-adaptive: PLID's noises and start, and what keeps its gains calm.
+
+    The thesis has prior = "thesis", prior_var = 1 and neither filter.
+    """
+
+    prior: Literal["linearization", "thesis"] = "linearization"
+    prior_var: Positive = 1e-3
+    process_var: Positive = 0.01
+    output_var: NonNegative = 1e-8
+    block_fade: Annotated[float, between(1, 2)] = 1.001
+    form: Literal["factored", "plain"] = "factored"
+    precision: Literal["double", "single"] = "double"
+    patience: Annotated[int, between(0, 100000)] = 0
+    gain_filter_rad_s: NonNegative = 5.0
+    command_filter_rad_s: NonNegative = 0.0
+
+
+class Autothrottle(Settings):
+    """Of a flight that is commanded in g: bang-bang on airspeed, that of the start.
+
+    With then_fps above 0 it holds that from then_at_s on.
+    """
+
+    enabled: bool = False
+    low_norm: Share = 0.1
+    high_norm: Share = 1.0
+    then_fps: NonNegative = 0.0
+    then_at_s: NonNegative = 0.0

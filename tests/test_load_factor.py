@@ -1,0 +1,220 @@
+"""Flights that are commanded in g: Kemp's chapter 6 on the F-16. Seeds are given; figures with intervals are the benchmark's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flightbed.aircraft import Aircraft
+from flightbed.assembly import assemble
+from flightbed.comparison import load_runs
+from flightbed.comparison_report import comparison_report
+from flightbed.envelope import DYNAMIC_PRESSURES_PSF, PSF, pitch_points
+from flightbed.errors import ScenarioError
+from flightbed.fused import rows_of
+from flightbed.loop import fly
+from flightbed.mission import fly_plan, run
+from flightbed.plan import plan
+from flightbed.pull_up import PullUp, command_g, increment_g, pull_up
+from flightbed.scenario import load_scenario
+from flightbed.telemetry.comparing import write_comparison
+from flightbed.trace import Trace
+from flightbed.units import FT, G0
+from tests.telemetry.reading import series
+
+SCHEDULED = ("control.law=nz-scheduled",)
+SOFT = (*SCHEDULED, "control.poles=[[-1.68,0.84],[-1.68,-0.84],[-4.2,0]]")
+THESIS = (
+    "control.identification.prior=thesis", "control.identification.prior_var=1", "control.identification.gain_filter_rad_s=0",
+)  # fmt: skip
+FILTERED = (*THESIS, "control.identification.command_filter_rad_s=20")
+SEEDS = (0, 1, 2, 3)
+
+
+def _flown(name: str, *sets: str, seed: int = 0) -> Trace:
+    return fly_plan(plan(load_scenario(name, (*sets, f"seed={seed}"))))[0]
+
+
+def _measured(name: str, *sets: str, seeds: tuple[int, ...] = SEEDS) -> list[PullUp]:
+    scenario = load_scenario(name, sets)
+    return [pull_up(_flown(name, *sets, seed=seed).columns, control_hz=100, ticks=scenario.ticks) for seed in seeds]
+
+
+def test_points_are_where_they_should_be_and_obey_kinematics(f16: Aircraft) -> None:
+    ahead, aft = (pitch_points(f16, cg_shift_cbar=shift) for shift in (0.0176, 0.0676))
+    assert [p.dynamic_pressure_pa / PSF for p in ahead] == pytest.approx(DYNAMIC_PRESSURES_PSF)
+    for one, other in zip(ahead, aft, strict=True):
+        # a_n = V (q - alpha') / g along the lift; the accelerometer is fixed to the body, and near enough at small alpha
+        speed = np.sqrt(2.0 * one.dynamic_pressure_pa / 1.225)
+        if one.dynamic_pressure_pa > 200.0 * PSF:
+            assert one.c[0] == pytest.approx(-speed / G0 * one.A[0, 0], rel=0.05)
+            assert one.d == pytest.approx(-speed / G0 * one.b[0], rel=0.05)
+        assert other.A[1, 0] > one.A[1, 0]  # less stable
+
+
+def test_a_flight_in_g_is_flown_by_the_loop_and_by_nothing_else() -> None:
+    planned = plan(load_scenario("throttle-and-cg", ["duration_s=13", "command.start_s=11"]))
+    assert rows_of(assemble(planned)) is None
+    samples = list(fly(assemble(planned)))
+    assert samples[-1].load_factor is not None
+    trace, metrics = fly_plan(planned)
+    assert metrics.tracking_rms_pre_deg_s is None  # nobody asks for a pitch rate
+    assert np.all(np.isnan(trace["q_ref_deg_s"]))
+    # Full throttle from 10 s on, and before that one or the other.
+    throttle = trace["throttle_cmd_norm"]
+    assert set(throttle[:1000]) == {0.1, 1.0}
+    assert set(throttle[1000:]) == {1.0}
+    assert np.all(np.abs(trace["airspeed_m_s"][:1000] / FT - 502.0) < 5.0)
+    assert trace["airspeed_m_s"][-1] / FT > 520.0
+    assert trace["thrust_n"][-1] > 2.0 * trace["thrust_n"][900]
+    assert np.max(np.abs(command_g(trace.columns)[1100:])) == pytest.approx(2.0, abs=1e-6)
+    assert np.array_equal(trace["nz_meas_g"], trace["nz_g"])
+    assert trace["model_a_1"][-1] == samples[-1].load_factor.model_a_1
+
+
+def test_without_an_autothrottle_the_throttle_stays() -> None:
+    trace = _flown("cg-shift", "control.autothrottle.enabled=false", "duration_s=13")
+    assert np.all(np.isnan(trace["throttle_cmd_norm"]))
+    assert np.ptp(trace["thrust_n"][300:900]) < 0.05 * trace["thrust_n"][600]
+
+
+def test_the_accelerometer_has_its_own_noise_and_leaves_the_others_theirs() -> None:
+    quiet, noisy = (_flown("cg-shift", *SCHEDULED, f"sensors.nz_std_g={std}", "duration_s=13") for std in (0.0, 0.01))
+    error = noisy["nz_meas_g"] - noisy["nz_g"]
+    n = len(error)
+    assert error.std() == pytest.approx(0.01, rel=4.0 / np.sqrt(2 * n))
+    assert abs(error.mean()) < 4.0 * 0.01 / np.sqrt(n)
+    for measured, true in (("q_meas_deg_s", "q_deg_s"), ("theta_meas_deg", "theta_deg")):
+        assert quiet[measured] - quiet[true] == pytest.approx(noisy[measured] - noisy[true], abs=1e-9)
+
+
+@pytest.mark.parametrize(("name", "margin"), [("cg-shift", 0.01), ("throttle-and-cg", 0.02)])
+def test_after_the_cg_shift_the_adaptive_law_overshoots_less(name: str, margin: float) -> None:
+    adaptive, scheduled, soft = _measured(name), _measured(name, *SCHEDULED), _measured(name, *SOFT)
+    assert not any(found.lost for found in (*adaptive, *scheduled, *soft))
+    for mine, theirs, softly in zip(adaptive, scheduled, soft, strict=True):
+        assert mine.overshoot < theirs.overshoot - margin
+        assert mine.overshoot < softly.overshoot - margin
+        assert mine.disturbance_g < softly.disturbance_g / 2.0
+
+
+def test_quickness_is_what_it_costs() -> None:
+    """The scheduled law of the same poles follows a pull-up more closely, shift or not: not all of the overshoot is adaptation's."""
+    for mine, theirs in zip(_measured("cg-shift"), _measured("cg-shift", *SCHEDULED), strict=True):
+        assert mine.tracking_rms_g > theirs.tracking_rms_g
+
+
+def test_flutter_and_its_remedies() -> None:
+    loss = ("failures.0.to=0.2",)
+    thesis, filtered, calm = (_measured("pull-up-loss", *loss, *more) for more in (THESIS, FILTERED, ()))
+    assert min(found.flutter_deg for found in thesis) > 0.6
+    assert max(found.flutter_deg for found in filtered) < 0.8 * min(found.flutter_deg for found in thesis)
+    assert max(found.flutter_deg for found in calm) < 0.25
+
+
+@pytest.mark.parametrize("to", [0.5, 0.35, 0.2])
+def test_elevator_losses_are_survived_with_less_overshoot(to: float) -> None:
+    adaptive, scheduled = (_measured("pull-up-loss", f"failures.0.to={to}", *more) for more in ((), SCHEDULED))
+    assert not any(found.lost for found in (*adaptive, *scheduled))
+    for mine, theirs in zip(adaptive, scheduled, strict=True):
+        assert mine.overshoot < theirs.overshoot - 0.02
+        assert mine.undershoot < theirs.undershoot
+
+
+def test_accelerometer_noise_loses_what_the_thesis_sets_and_not_what_is_calm() -> None:
+    noise = ("sensors.nz_std_g=0.005",)
+    assert sum(found.lost for found in _measured("cg-shift", *noise, *THESIS)) >= 3
+    assert not any(found.lost for found in _measured("cg-shift", *noise))
+
+
+@pytest.mark.parametrize("law", ["nz-adaptive", "nz-scheduled"])
+def test_a_loop_is_flown_round(law: str) -> None:
+    trace = _flown("loop", f"control.law={law}")
+    assert len(trace) == 4200
+    assert np.sum(trace["q_deg_s"]) / 100.0 == pytest.approx(360.0, abs=10.0)
+    held = increment_g(trace.columns)[700:3900]
+    assert 3.8 < held.min()
+    assert held.max() < 4.2
+    assert np.max(np.abs(trace["beta_deg"])) < 0.1
+
+
+@pytest.mark.parametrize("law", ["nz-adaptive", "nz-scheduled"])
+def test_it_is_followed_from_334_to_900_feet_per_second(law: str) -> None:
+    trace = _flown("speed-range", f"control.law={law}")
+    assert len(trace) == 6000
+    assert trace["airspeed_m_s"][[0, -1]] / FT == pytest.approx([333.5, 900.0], abs=3.0)
+    level = np.cos(np.radians(trace["theta_meas_deg"])) * np.cos(np.radians(trace["phi_meas_deg"]))
+    error = increment_g(trace.columns) - (trace["nz_ref_g"] - level)
+    assert max(float(np.sqrt(np.mean(part**2))) for part in np.split(error, 6)) < 0.3  # a lag, of +-0.5 g
+    assert np.max(np.abs(increment_g(trace.columns))) < 0.65
+
+
+def test_without_the_prefilter_the_fixed_law_runs_into_the_rate_limit() -> None:
+    trace = _flown("loop", "control.law=nz-scheduled", "command.filter_rad_s=0")
+    rate = np.abs(np.diff(trace["elevator_deg"])) * 100.0
+    assert np.mean(rate[500:3000] > 59.0) > 0.9
+    adaptive = _flown("loop", "command.filter_rad_s=0")
+    assert np.mean(np.abs(np.diff(adaptive["elevator_deg"][500:3000])) * 100.0 > 59.0) < 0.02
+
+
+def test_the_correction_by_k_goes_with_the_scheduled_law() -> None:
+    """With the prefilter: a step asks the corrected loop for 1/K times the elevator, and its rate is used up."""
+    adapt = ["adaptation.enabled=true", "adaptation.estimator=k", 'estimators=[{name="k"}]', "command.filter_rad_s=3"]
+    corrected = _measured("pull-up-loss", *SCHEDULED, *adapt, seeds=(0,))[0]
+    fixed = _measured("pull-up-loss", *SCHEDULED, "command.filter_rad_s=3", seeds=(0,))[0]
+    assert corrected.disturbance_g < 0.7 * fixed.disturbance_g
+    assert corrected.tracking_rms_g < fixed.tracking_rms_g
+    stepped = _flown("pull-up-loss", *SCHEDULED, *adapt[:3])
+    assert np.mean(np.abs(np.diff(stepped["elevator_deg"][1200:1700])) * 100.0 > 59.0) > 0.9
+
+
+def test_both_laws_in_one_recording_and_on_one_page(tmp_path: Path) -> None:
+    short = ["duration_s=13"]
+    folders = [tmp_path / law for law in ("nz-adaptive", "nz-scheduled")]
+    for folder in folders:
+        run(load_scenario("cg-shift", [*short, f"control.law={folder.name}"]), folder, rerun=False, report=False)
+    runs = load_runs(folders)
+    write_comparison(tmp_path / "both.rrd", runs, tables=())
+    for entity, column in (("1_nz_adaptive", "nz_g"), ("2_nz_scheduled", "nz_g")):
+        index = int(entity[0]) - 1
+        _, values = series(tmp_path / "both.rrd", f"/load_factor/{entity}", "Scalars:scalars")
+        assert values == pytest.approx(runs[index].trace[column])
+    _, reference = series(tmp_path / "both.rrd", "/load_factor/nz_reference/1_nz_adaptive", "Scalars:scalars")
+    assert reference == pytest.approx(runs[0].trace["nz_ref_g"])
+    (section,) = (s for s in comparison_report(runs).sections if s.heading == "Flights")
+    assert section.items
+
+
+@pytest.mark.parametrize(
+    ("sets", "problem"),
+    [
+        (["adaptation.enabled=true", "adaptation.estimator=k", 'estimators=[{name="k"}]'],
+         "adaptation.enabled: must be false with control.law = 'nz-adaptive', which identifies its own model (got true)"),
+        (["control.poles=[[-1,0],[-2,0]]"],
+         "control.poles: must be three with control.law = 'nz-adaptive': two states and the integral (got 2)"),
+        (["control.autothrottle.low_norm=1"], "control.autothrottle.low_norm: must be below high_norm = 1 (got 1)"),
+        (["command.amplitude_deg_s=3"], "command.amplitude_deg_s: has no effect with control.law = 'nz-adaptive'"),
+        (["command.kind=none", "command.amplitude_g=3"], "command.amplitude_g: has no effect with command.kind = 'none'"),
+        (["command.count=3"], "command.count: has no effect with command.kind = 'pulse'"),
+        (["control.law=nz-scheduled", "control.identification.patience=3"],
+         "control.identification.patience: has no effect with control.law = 'nz-scheduled'"),
+        (["control.law=proportional", "control.autothrottle.enabled=true"],
+         "control.autothrottle.enabled: has no effect with control.law = 'proportional'"),
+        (["control.autothrottle.then_at_s=3"], "control.autothrottle.then_at_s: has no effect with control.autothrottle.then_fps = 0"),
+        (['estimators=[{name="p", kind="plid"}]', "estimators.0.window=9"], "estimators.0.window: has no effect with estimators.0.kind = 'plid'"),
+        (['estimators=[{name="p"}]', "estimators.0.block_fade=1.1"],
+         "estimators.0.block_fade: has no effect with estimators.0.kind = 'loop-gain'"),
+    ],
+)  # fmt: skip
+def test_what_contradicts_and_what_is_idle(sets: list[str], problem: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("cg-shift", sets)
+    assert any(problem in line for line in caught.value.problems), caught.value.problems
+
+
+def test_a_linear_aircraft_has_no_envelope() -> None:
+    linear = next(n for n in ("thesis-loss", "nominal") if load_scenario(n).aircraft.model != "f16")
+    with pytest.raises(ScenarioError, match="nz-scheduled.*has no|nz-scheduled' is scheduled"):
+        plan(load_scenario(linear, ["control.law=nz-scheduled", "control.state_from=''"]))
