@@ -13,7 +13,7 @@ from pathlib import Path
 from flightbed.campaign_file import plain
 from flightbed.campaign_flights import CHUNK, Chunk, Flown, chunk_of, fly_chunk, joined, killed, single_flights
 from flightbed.campaign_histories import Histories
-from flightbed.campaign_table import Quantity, Row, passes, quantities, quantity
+from flightbed.campaign_table import Quantity, Row, followed, passes, quantities, quantity
 from flightbed.consistency import detectors, estimates
 from flightbed.engine import Engine, Work, engine, results
 from flightbed.errors import FlightbedError, InputError
@@ -270,15 +270,12 @@ def worst_of(rows: Sequence[Row]) -> tuple[int, str]:
             worst = min(gone, key=lambda row: float(row["flown_s"] or 0.0))
             return int(worst["index"] or 0), f"{words}, at {worst['departed_at_s'] or worst['flown_s']:.2f} s"
     worst = max(flown, key=_tracking)
-    if worst["tracking_rms_post_deg_s"] is None and worst["tracking_rms_pre_deg_s"] is None:
-        return int(worst["index"] or 0), "the first: all flew to the end, and none is asked for a pitch rate"
-    return int(worst["index"] or 0), f"largest RMS of q - q_ref {_words(worst)}, {_tracking(worst):.3g} deg/s"
+    column, what, unit, after = followed([worst])
+    if worst[column] is None:
+        return int(worst["index"] or 0), "the first: all flew to the end, and none is asked for anything"
+    when = "from 0.3 s after the failure" if after else "over the whole flight"
+    return int(worst["index"] or 0), f"largest RMS of {what} {when}, {_tracking(worst):.3g} {unit}"
 
 
 def _tracking(row: Row) -> float:
-    after = row["tracking_rms_post_deg_s"]
-    return float((after if after is not None else row["tracking_rms_pre_deg_s"]) or 0.0)
-
-
-def _words(row: Row) -> str:
-    return "over the whole flight" if row["tracking_rms_post_deg_s"] is None else "from 0.3 s after the failure"
+    return float(row[followed([row]).column] or 0.0)

@@ -12,6 +12,7 @@ import tomli_w
 from flightbed.bootstrap import RESAMPLES
 from flightbed.campaign import Campaign, departed, passed
 from flightbed.campaign_table import Row, quantities, write_table
+from flightbed.card import FOLLOWED
 from flightbed.consistency import estimates
 from flightbed.folder import to_json
 from flightbed.histories_file import write_histories
@@ -122,7 +123,7 @@ def by_point(campaign: Campaign) -> list[tuple[Values, list[Row]]]:
 def _resampled(campaign: Campaign) -> dict[str, Any]:
     """Return intervals by resampling of the mean and the percentiles of tracking, null where there are too few flights."""
     found: dict[str, Any] = {}
-    for column in ("tracking_rms_pre_deg_s", "tracking_rms_post_deg_s"):
+    for column in (f"tracking_rms_{when}_{key}" for _, key, _ in FOLLOWED[:2] for when in ("pre", "post")):
         quantity = campaign.quantity(column)
         if quantity.known:
             ends = {f"p{percent}": quantity.resampled_percentile(percent) for percent in (5, 50, 95)}

@@ -6,7 +6,7 @@ import numpy as np
 
 from flightbed.campaign import Campaign
 from flightbed.campaign_points import axis_words, criteria_words, value_words
-from flightbed.campaign_table import Quantity
+from flightbed.campaign_table import Quantity, followed
 from flightbed.card import correction
 from flightbed.document import Cell, Section, Table, show
 from flightbed.event_log import failures, gusts
@@ -14,9 +14,8 @@ from flightbed.statistics import Interval
 
 
 def tracking(campaign: Campaign) -> Quantity:
-    """Return the tracking that counts: after the failure, or of the whole flights where nothing fails."""
-    after = campaign.quantity("tracking_rms_post_deg_s")
-    return after if after.known else campaign.quantity("tracking_rms_pre_deg_s")
+    """Return the tracking that counts, see ``campaign_table.followed``."""
+    return campaign.quantity(followed(campaign.flown).column)
 
 
 def headline(campaign: Campaign) -> str:
@@ -34,8 +33,9 @@ def headline(campaign: Campaign) -> str:
     if passed is not None and settings is not None:
         told.append(f"{_share(passed, 'passed')}; to pass: {criteria_words(settings.criteria)}.")
     if chosen.known:
-        after = "" if chosen.column.endswith("pre_deg_s") else " from 0.3 s after the failure"
-        told.append(f"Median RMS of q - q_ref{after}: {_interval(chosen, '.3g')} deg/s.")
+        told_of = followed(campaign.flown)
+        after = " from 0.3 s after the failure" if told_of.after else ""
+        told.append(f"Median RMS of {told_of.what}{after}: {_interval(chosen, '.3g')} {told_of.unit}.")
     return " ".join([*told, *([failed] if failed else [])])
 
 

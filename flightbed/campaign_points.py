@@ -12,7 +12,7 @@ import numpy.typing as npt
 from flightbed import drawing
 from flightbed.campaign import Campaign, departed, passed
 from flightbed.campaign_folder import by_point
-from flightbed.campaign_table import Quantity, Row, quantity
+from flightbed.campaign_table import Quantity, Row, followed, quantity
 from flightbed.consistency import detectors
 from flightbed.document import Cell, Picture, Section, Table, show
 from flightbed.programme import values_of
@@ -73,11 +73,11 @@ def points_table(campaign: Campaign, estimators: Sequence[str]) -> Table:
     """Return a row a point: how many departed and passed, medians of tracking and of what says most of each of these estimators."""
     keys = [axis.key for axis in campaign.programme.axes if not axis.is_drawn]
     judged, failed = campaign.passed is not None, bool(campaign.failed)
-    tracked = _tracked(campaign)
+    tracked, what, unit, _ = followed(campaign.flown)
     estimates = [(name, column) for name in estimators if (column := _estimate(campaign, name))]
     columns = [
         "point", *keys, "flights", *(["failed"] if failed else []), "departed, %", *(["passed, %"] if judged else []),
-        "tracking RMS, deg/s", *(f"{name}: {_short(column)}" for name, column in estimates),
+        f"tracking RMS, {unit}", *(f"{name}: {_short(column)}" for name, column in estimates),
     ]  # fmt: skip
     rows: list[list[Cell]] = []
     for number, (values, there) in enumerate(by_point(campaign)[:_MOST]):
@@ -89,17 +89,12 @@ def points_table(campaign: Campaign, estimators: Sequence[str]) -> Table:
         rows.append(cells)
     note = (
         "Shares with exact 95 % intervals. Medians over the flights, where there are 6 or more with intervals that hold them with 95 %; "
-        "tracking is that of q - q_ref."
+        f"tracking is that of {what}."
     )
     if len(campaign.programme.points) > _MOST:
         note += f" The first {_MOST} of {len(campaign.programme.points)} points; summary.json has all."
     formats = {**dict.fromkeys(columns, ".3g"), **dict.fromkeys(columns[len(columns) - len(estimates) :], ".2g")}
     return Table("points", "Points", columns, rows, formats, note)
-
-
-def _tracked(campaign: Campaign) -> str:
-    known = any(row["tracking_rms_post_deg_s"] is not None for row in campaign.flown)
-    return "tracking_rms_post_deg_s" if known else "tracking_rms_pre_deg_s"
 
 
 def _estimate(campaign: Campaign, name: str) -> str | None:
@@ -134,7 +129,7 @@ def _maps(campaign: Campaign) -> list[Picture]:
     axes = [axis for axis in campaign.programme.axes if not axis.is_drawn]
     if settings is None or settings.combine != "crossed" or len(axes) != 2:
         return []
-    judged, tracked = campaign.passed is not None, _tracked(campaign)
+    judged, (tracked, what_for, unit, _) = campaign.passed is not None, followed(campaign.flown)
     shares, medians = [], []
     for _, there in by_point(campaign):
         share = passed(there) if judged else departed(there)
@@ -147,7 +142,7 @@ def _maps(campaign: Campaign) -> list[Picture]:
     )
     return [
         _map("share", f"Share that {what}", f"{what}, % of flights", axes, shares, explained, limits=(0.0, 100.0)),
-        _map("map-tracking", "Tracking", "median RMS of q - q_ref, deg/s", axes, medians, f"Median of {tracked} of a point's flights."),
+        _map("map-tracking", "Tracking", f"median RMS of {what_for}, {unit}", axes, medians, f"Median of {tracked} of a point's flights."),
     ]  # fmt: skip
 
 

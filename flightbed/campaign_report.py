@@ -12,6 +12,7 @@ from flightbed.campaign import Campaign
 from flightbed.campaign_ensembles import histories_sections
 from flightbed.campaign_lead import lead, often, tracking, which
 from flightbed.campaign_points import points_section
+from flightbed.campaign_table import followed
 from flightbed.card import FOLLOWED, flown, outcome
 from flightbed.document import Cell, Document, Listing, Picture, Section, Table
 from flightbed.extension import at_hand, permits
@@ -19,6 +20,7 @@ from flightbed.figures import pictures
 from flightbed.naming import numbered
 from flightbed.percentiles import PERCENTILES
 from flightbed.programme import versions
+from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.report import ESTIMATOR_METRICS, again
 from flightbed.statistics import Interval
 from flightbed.units import unit_of
@@ -38,7 +40,7 @@ _MEANINGS = {
             ("post", "from 0.3 s after the first failure; of a flight that ends early, as far as it got"),
         )
     },
-    **{key: meaning for key, (_, meaning) in ESTIMATOR_METRICS.items()},
+    **{key: meaning for key, (_, meaning) in {**PULL_UP_METRICS, **ESTIMATOR_METRICS}.items()},
 }
 
 
@@ -144,7 +146,13 @@ def _tracked(campaign: Campaign) -> Table:
     for percent in PERCENTILES:
         exact = chosen.percentile(percent)
         rows.append([f"{percent} %", exact.estimate, _ends(exact), _ends(chosen.resampled_percentile(percent))])
-    columns = ("RMS of q - q_ref, deg/s", "estimate", "exact 95 % interval", "bootstrapped 95 % interval")
+    told_of = followed(campaign.flown)
+    columns = (
+        f"RMS of {told_of.what}, {told_of.unit}",
+        "estimate",
+        "exact 95 % interval",
+        "bootstrapped 95 % interval",
+    )
     note = (
         f"Exact: between order statistics, whatever the distribution; of the mean there is none. Bootstrapped from {RESAMPLES} resamples: "
         f"the mean BCa, from {FEWEST} flights on; percentiles by the percentile method, from {FEWEST_OF_PERCENTILE} on; at 5 and 95 % "
@@ -171,8 +179,9 @@ def _distributions(campaign: Campaign) -> list[Picture]:
         (name, color, [v for v, away in zip(chosen.values, gone, strict=True) if v is not None and away == wanted])
         for name, color, wanted in (("stayed", drawing.ACTUAL, False), ("departed", drawing.FAILURE, True))
     ]
-    after = "of the whole flight" if chosen.column.endswith("pre_deg_s") else "from 0.3 s after the failure"
-    found = [_histogram("tracking", "Tracking", f"RMS of q - q_ref {after}.", "RMS of q - q_ref, deg/s", by_end)]
+    told_of = followed(campaign.flown)
+    what, after = f"RMS of {told_of.what}", "from 0.3 s after the failure" if told_of.after else "of the whole flight"
+    found = [_histogram("tracking", "Tracking", f"{what} {after}.", f"{what}, {told_of.unit}", by_end)]
     for key, title, text, label in (
         ("median_abs_error_post", "Error of K", "Of each flight the median from 0.3 s after the failure.", "median |K-hat - K|"),
         ("first_within_20pct_s", "Settling", "From the failure to the first K-hat within +-20 % of K.", "time after the failure, s"),

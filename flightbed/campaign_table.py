@@ -5,14 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
+from itertools import product
 from math import inf, isfinite, nan
 from pathlib import Path
 from types import MappingProxyType
+from typing import NamedTuple
 
 from flightbed.bootstrap import mean_interval, percentile_interval
+from flightbed.card import FOLLOWED
 from flightbed.consistency import detectors, estimates
 from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.programme import Flight
+from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.settings import Criterion, Scenario
 from flightbed.statistics import Interval, Spread, median_interval, quantile_interval, spread
 from flightbed.units import unit_of
@@ -20,13 +24,14 @@ from flightbed.units import unit_of
 Value = int | float | bool | str | None
 Row = Mapping[str, Value]
 
-# None of flights whose aileron and rudder are not commanded: those of roll rate and sideslip.
+# None of flights whose aileron and rudder are not commanded: those of roll rate and sideslip; of flights that are not commanded in g:
+# those of the load factor, and of a pull-up.
 TRACKING = (
     "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s", "tracking_rms_pre_p_deg_s", "tracking_rms_post_p_deg_s",
-    "tracking_rms_pre_beta_deg", "tracking_rms_post_beta_deg",
+    "tracking_rms_pre_beta_deg", "tracking_rms_post_beta_deg", "tracking_rms_pre_nz_g", "tracking_rms_post_nz_g",
 )  # fmt: skip
 _METRICS = (
-    "departed", "ended", "departed_at_s", "flown_s", *TRACKING, "estimators_since_s",
+    "departed", "ended", "departed_at_s", "flown_s", *TRACKING, *PULL_UP_METRICS, "estimators_since_s",
 )  # fmt: skip
 _KINDS = MappingProxyType(
     {
@@ -36,6 +41,25 @@ _KINDS = MappingProxyType(
 )  # fmt: skip
 _NO_QUANTITIES = (*_KINDS, "estimators_since_s")
 _EVENTS = ("first_within_20pct_s", "first_within_20pct_smoothed_s", "detected_at_s")  # None: it never happened
+
+
+class Followed(NamedTuple):
+    """The tracking that counts: its column, what is told of (reading - reference), unit, and whether it is that after the failure."""
+
+    column: str
+    what: str
+    unit: str
+    after: bool
+
+
+def followed(rows: Sequence[Row]) -> Followed:
+    """Return the tracking that counts: of the pitch rate, or where none is asked for of the load factor; after the failure if any."""
+    for (what, key, unit), when in product(FOLLOWED[:2], ("post", "pre")):
+        column = f"tracking_rms_{when}_{key}"
+        if any(row[column] is not None for row in rows):
+            return Followed(column, what, unit, when == "post")
+    what, key, unit = FOLLOWED[0]
+    return Followed(f"tracking_rms_pre_{key}", what, unit, after=False)
 
 
 @dataclass(frozen=True)
@@ -137,7 +161,7 @@ def row(flight: Flight, known: str, metrics: Metrics, *, ticks: int, scenario: S
         "ended": "departed" if metrics.departed else "time" if ticks == scenario.ticks else "ground",
         "departed_at_s": metrics.departed_at_s,
         "flown_s": ticks / scenario.rates.control_hz,
-        **{key: getattr(metrics, key) for key in TRACKING},
+        **{key: getattr(metrics, key) for key in (*TRACKING, *PULL_UP_METRICS)},
         "estimators_since_s": metrics.estimators_since_s,
         **{
             f"{name}.{metric}": value

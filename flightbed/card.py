@@ -40,12 +40,16 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
 
 
 # What follows a reference: (words, its key in metrics.json after tracking_rms_pre_ and _post_, unit).
-FOLLOWED = (("q - q_ref", "deg_s", "deg/s"), ("p - p_ref", "p_deg_s", "deg/s"), ("beta - beta_ref", "beta_deg", "deg"))
+FOLLOWED = (
+    ("q - q_ref", "deg_s", "deg/s"), ("nz - nz_ref", "nz_g", "g"), ("p - p_ref", "p_deg_s", "deg/s"),
+    ("beta - beta_ref", "beta_deg", "deg"),
+)  # fmt: skip
 
 
 def followed(scenario: Scenario) -> tuple[tuple[str, str, str], ...]:
-    """Return what follows a reference in a flight, of FOLLOWED: the pitch rate, or roll rate and sideslip as well."""
-    return FOLLOWED if scenario.lateral.enabled else FOLLOWED[:1]
+    """Return what follows a reference in a flight, of FOLLOWED: pitch rate or load factor, and roll rate and sideslip where commanded."""
+    pitch, pulled, *turning = FOLLOWED
+    return (pulled if scenario.in_g else pitch, *(turning if scenario.lateral.enabled else ()))
 
 
 def tracking_words(scenario: Scenario, summary: dict[str, Any]) -> str:
@@ -56,7 +60,7 @@ def tracking_words(scenario: Scenario, summary: dict[str, Any]) -> str:
         words = f"{before} {unit}"
         if summary["failed_at_s"] is not None:
             words += f" before, {after} {unit} from 0.3 s after the failure"
-        told.append(f"{what} {words}" if scenario.lateral.enabled else words)
+        told.append(f"{what} {words}" if len(followed(scenario)) > 1 or scenario.in_g else words)
     return "; ".join(told)
 
 

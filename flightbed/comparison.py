@@ -29,6 +29,11 @@ _FLIGHT = {
     "at a stop, share": "elevator_at_stop_share",
     "flown, s": "flown_s",
 }
+_PULL_UP = {
+    "pull-up: overshoot, share": "pull_up_overshoot",
+    "- undershoot, share": "pull_up_undershoot",
+    "- elevator above 5 Hz, deg": "pull_up_flutter_deg",
+}
 _ESTIMATOR = {
     "- median error, share": "median_abs_error_post",
     "- RMS smoothed, share": "rms_error_smoothed_post",
@@ -37,7 +42,7 @@ _ESTIMATOR = {
     "- mean NIS, 1": "nis_mean",
 }
 _NOTE = (
-    "RMS is of q - q_ref, or of p and beta less their references, of all runs over the same time, as long as each flew. Of each "
+    "RMS is of q - q_ref, or of nz, p and beta less their references, of all runs over the same time, as long as each flew. Of each "
     "estimator: the errors of K from 0.3 s after the run's failure, how long after it K was first within 20 % and a change was declared, "
     "and the mean NIS. In brackets the difference from the first run."
 )
@@ -211,6 +216,8 @@ def metrics_table(runs: Sequence[Run]) -> Table:
     rows.append(["largest |alpha|, deg", *_against_first([_largest(run, "alpha_deg") for run in runs])])
     rows.append(["largest |nz|, g", *_against_first([_largest(run, "nz_g") for run in runs])])
     rows += [[text, *_against_first(values)] for text, values in tracking(runs).items()]
+    if any("nz_ref_g" in run.trace.columns for run in runs):
+        rows += [[text, *_against_first([run.summary.get(key) for run in runs])] for text, key in _PULL_UP.items()]
     rows += [[text, *_against_first([run.summary.get(key) for run in runs])] for text, key in _FLIGHT.items()]
     for name in dict.fromkeys(name for run in runs for name in run.summary["estimators"]):
         rows.append([name, *("" for _ in runs)])
@@ -232,7 +239,7 @@ def tracking(runs: Sequence[Run]) -> dict[str, list[float | None]]:
         at_s = min(reached)
         late_s = at_s + SETTLING_S
         spans = {f" before {at_s:g} s": (0.0, at_s), f" from {late_s:g} s": (late_s, inf)}
-    followed = _FOLLOWED if any(run.lateral for run in runs) else _FOLLOWED[:1]
+    followed = [one for one in _FOLLOWED if any(_asked(run, f"{one[1]}_ref_{one[2]}") for run in runs)]
     return {
         f"RMS{of}{words}, {unit}": [_rms(run, f"{name}_{suffix}", f"{name}_ref_{suffix}", *span) for run in runs]
         for of, name, suffix, unit in followed
@@ -241,12 +248,21 @@ def tracking(runs: Sequence[Run]) -> dict[str, list[float | None]]:
 
 
 # What follows a reference: how it is told, its column and that of its reference, with the unit's suffix between them; the unit.
-_FOLLOWED = (("", "q", "deg_s", "deg/s"), (" of p", "p", "deg_s", "deg/s"), (" of beta", "beta", "deg", "deg"))
+_FOLLOWED = (
+    ("", "q", "deg_s", "deg/s"),
+    (" of nz", "nz", "g", "g"),
+    (" of p", "p", "deg_s", "deg/s"),
+    (" of beta", "beta", "deg", "deg"),
+)
+
+
+def _asked(run: Run, reference: str) -> bool:
+    return reference in run.trace.columns and bool(np.any(np.isfinite(run.trace[reference])))
 
 
 def _rms(run: Run, column: str, reference: str, begin_s: float, end_s: float) -> float | None:
     t = run.trace["t_s"]
-    if column not in run.trace.columns:
+    if reference not in run.trace.columns:
         return None
     error = (run.trace[column] - run.trace[reference])[(t >= begin_s - 1e-9) & (t < end_s - 1e-9)]
     value = float(np.sqrt(np.mean(error**2))) if error.size else None

@@ -120,6 +120,10 @@ def _followed(axis: Axes, result: Result, name: str, suffix: str, label: str, ke
     return f"RMS of {name} - reference {before} {unit} before the failure, {after} {unit} from 0.3 s after it; {worst}"
 
 
+def _load_factor(axes: list[Axes], result: Result) -> str:
+    return _followed(axes[0], result, "nz", "g", "load factor, g", "nz_g")
+
+
 def _roll(axes: list[Axes], result: Result) -> str:
     roll = _followed(axes[0], result, "p", "deg_s", "roll rate, deg/s", "p_deg_s")
     sideslip = _followed(axes[1], result, "beta", "deg", "sideslip, deg", "beta_deg")
@@ -199,6 +203,10 @@ def _condition(axes: list[Axes], result: Result) -> str:
 FIGURES = {
     "pitch-rate": Figure(
         "Pitch rate", "What the pilot asks for, the prefiltered reference, and what the aircraft does.", _one, _pitch_rate
+    ),
+    "load-factor": Figure(
+        "Load factor", "The command over level flight at the measured attitude, its reference, and what the aircraft does.",
+        lambda result: int(result.plan.scenario.in_g), _load_factor,
     ),
     "alpha": Figure("Angle of attack", "To the air, gusts included.", _one, _alpha),
     "elevator": Figure("Elevator", "What the law commands and where the surface is; trailing edge down is positive.", _one, _elevator),

@@ -103,7 +103,8 @@ class Live:
         row, last = None, time.perf_counter()
         for sample in samples:
             if not self._gone:
-                row = row or row_packer(len(sample.estimates), lateral=sample.lateral is not None)
+                more = {"lateral": sample.lateral is not None, "load_factor": sample.load_factor is not None}
+                row = row or row_packer(len(sample.estimates), **more)
                 rows.append(row(sample))
                 if len(rows) >= _TICKS and (now := time.perf_counter()) - last >= _SECONDS:
                     self._put(ROWS, b"".join(rows))

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from flightbed.aircraft import Actuator
 from flightbed.loop import DEPARTURE_RAD
 from flightbed.naming import surface_of
+from flightbed.pull_up import PULL_UP_METRICS, command_g, pull_up
 from flightbed.trace import Trace, true_share
 from flightbed.units import DEG
 
@@ -70,6 +71,9 @@ class Metrics:
         tracking_rms_pre_deg_s, tracking_rms_post_deg_s: RMS of q - q_ref before the first failure of any kind, and from 0.3 s after it.
         tracking_rms_pre_p_deg_s, tracking_rms_post_p_deg_s, tracking_rms_pre_beta_deg, tracking_rms_post_beta_deg: the same of roll rate
             and sideslip; None where aileron and rudder are not commanded.
+        tracking_rms_pre_nz_g, tracking_rms_post_nz_g: the same of the load factor; None where the flight is not commanded in g.
+        pull_up_overshoot, pull_up_undershoot, pull_up_disturbance_g, pull_up_flutter_deg: of the first pulse of a flight that is commanded
+            in g, see ``PullUp``; None in others, and what a flight did not get to.
         estimators_since_s: from where the estimators' times count: the first tick at which the true K is not 1, or, in a flight whose K
             stays, the first failure; None without a failure.
 
@@ -85,6 +89,12 @@ class Metrics:
     tracking_rms_post_p_deg_s: float | None = None
     tracking_rms_pre_beta_deg: float | None = None
     tracking_rms_post_beta_deg: float | None = None
+    tracking_rms_pre_nz_g: float | None = None
+    tracking_rms_post_nz_g: float | None = None
+    pull_up_overshoot: float | None = None
+    pull_up_undershoot: float | None = None
+    pull_up_disturbance_g: float | None = None
+    pull_up_flutter_deg: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values, ready for JSON."""
@@ -114,12 +124,20 @@ def measure(
     if "beta_deg" in trace.columns:
         departed = departed or not abs(trace["beta_deg"][-1]) <= limit_deg
     error = trace["q_deg_s"] - trace["q_ref_deg_s"]
-    turning: dict[str, float | None] = {}
-    for axis, unit in (("p", "deg_s"), ("beta", "deg")) if "p_deg_s" in trace.columns else ():
-        off = trace[f"{axis}_{unit}"] - trace[f"{axis}_ref_{unit}"]
-        turning |= {
-            f"tracking_rms_pre_{axis}_{unit}": _rms(off[pre]),
-            f"tracking_rms_post_{axis}_{unit}": _rms(off[post]),
+    beside: dict[str, float | None] = {}
+    for axis, unit in (("p", "deg_s"), ("beta", "deg"), ("nz", "g")):
+        if f"{axis}_ref_{unit}" in trace.columns:
+            off = trace[f"{axis}_{unit}"] - trace[f"{axis}_ref_{unit}"]
+            beside |= {
+                f"tracking_rms_pre_{axis}_{unit}": _rms(off[pre]),
+                f"tracking_rms_post_{axis}_{unit}": _rms(off[post]),
+            }
+    if "nz_cmd_g" in trace.columns and len(trace) > 1 and np.any(command_g(trace.columns)):
+        hz = round(1.0 / float(trace["t_s"][1] - trace["t_s"][0]))
+        pulled = pull_up(trace.columns, control_hz=hz, ticks=len(trace))
+        beside |= {
+            key: value if isfinite(value := getattr(pulled, key.removeprefix("pull_up_"))) else None
+            for key in PULL_UP_METRICS
         }
     return Metrics(
         departed=departed,
@@ -133,7 +151,7 @@ def measure(
             )
             for name in trace.estimators
         },
-        **turning,
+        **beside,
     )
 
 

@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 from flightbed import registry
 from flightbed.aircraft import Actuator, Aircraft, load_path
-from flightbed.consistency import ACTUATOR_FAILURES, LOAD_FACTOR_LAWS
+from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law
 from flightbed.control.load_factor import LoadFactorDesign, LoadFactorLaw
 from flightbed.envelope import pitch_point, pitch_points
@@ -78,7 +78,7 @@ def plan(scenario: Scenario) -> Plan:
         if scenario.lateral.enabled:
             lags = aircraft.lateral["aileron"].lag_rad_s, aircraft.lateral["rudder"].lag_rad_s
             turning = lateral_directional(model, airframe, actuators_rad_s=lags)
-        if scenario.control.law in LOAD_FACTOR_LAWS:
+        if scenario.in_g:
             pulling = LoadFactorDesign(
                 pitch_points(aircraft, cg_shift_cbar=scenario.aircraft.cg_shift_cbar),
                 pitch_point(model, mach=airframe.mach, altitude_m=airframe.altitude_m),
@@ -189,10 +189,10 @@ def _beyond_linear(scenario: Scenario, aircraft: LinearAircraft) -> list[str]:
         for i, f in enumerate(scenario.failures)
         if f.kind in ACTUATOR_FAILURES
     ]
-    if (law := scenario.control.law) in LOAD_FACTOR_LAWS:
+    if scenario.in_g:
         faults.append(
-            f"control.law: '{law}' is scheduled over the envelope, which the linear aircraft {aircraft.name} does not have; "
-            "choose another one"
+            f"control.law: '{scenario.control.law}' is scheduled over the envelope, which the linear aircraft {aircraft.name} "
+            "does not have; choose another one"
         )
     return faults + [
         f"{key}: must be {only!r} with the linear aircraft {aircraft.name} (got {got!r})"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
+from types import MappingProxyType
 
 import numpy as np
 
@@ -13,6 +14,24 @@ from flightbed.trace import Vector
 COLUMNS = (
     "t_s", "nz_g", "theta_deg", "phi_deg", "nz_cmd_g", "theta_meas_deg", "phi_meas_deg", "elevator_cmd_deg",
 )  # fmt: skip
+# What metrics.json and campaigns tell of it: unit, and what it is.
+PULL_UP_METRICS: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "pull_up_overshoot": (
+            "1",
+            "of the first pulse in g: largest increment over level flight in it, over the command, less 1",
+        ),
+        "pull_up_undershoot": (
+            "1",
+            "largest increment of the other side in the 3 s after its release, over the command",
+        ),
+        "pull_up_disturbance_g": ("g", "largest increment in the 2 s before it"),
+        "pull_up_flutter_deg": (
+            "deg",
+            "RMS of the elevator command above 5 Hz, but for 0.5 s after each step of the command",
+        ),
+    }
+)
 FLUTTER_HZ = 5.0  # above what a loop with poles at -4 +- 2j and -10 rad/s asks of the elevator
 _AFTER_S, _EDGE_S = 3.0, 0.5
 _LOST = 4.0  # times the command

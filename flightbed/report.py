@@ -14,6 +14,7 @@ from flightbed.event_log import events, failures, gusts
 from flightbed.extension import at_hand, permits
 from flightbed.figures import pictures
 from flightbed.naming import estimator_of
+from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.short_period import ShortPeriod
 from flightbed.trace import true_share
 
@@ -132,6 +133,11 @@ def _numbers(result: Result) -> Section:
             (f"tracking_rms_{when}_{key}", summary[f"tracking_rms_{when}_{key}"], unit, text)
             for what, key, unit in followed(result.plan.scenario)
             for when, text in (("pre", f"RMS of {what} before the first failure"), ("post", "the same from 0.3 s after it"))
+        ),
+        *(
+            (key, summary[key], unit, text)
+            for key, (unit, text) in PULL_UP_METRICS.items()
+            if summary["pull_up_overshoot"] is not None
         ),
         ("elevator_at_stop_share", summary["elevator_at_stop_share"], "1", "share of the ticks with the command cut at a stop"),
         ("bank_max_deg", summary["bank_max_deg"], "deg", "largest bank"),

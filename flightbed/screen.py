@@ -69,11 +69,12 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
         "trim": f"alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg, residual {trim['residual']:.0e}",
         "poles": f"{poles} rad/s, short period, open loop",
         "law": f"{scenario.control.law}, {correction(scenario)}",
-        "gains": gains,
+        **({"gains": gains} if gains else {}),
         "failures": "; ".join(failures(scenario)) or "none",
         "outcome": f"[bold {color}]{outcome(summary)}[/bold {color}]; |alpha| up to "
         f"{abs(result.trace['alpha_deg']).max():.1f} deg; at a stop {summary['elevator_at_stop_share']:.0%} of the time",
         "tracking": "\n".join(_tracked(summary, *one) for one in followed(scenario)),
+        **({"pull-up": _pull_up(summary)} if summary["pull_up_overshoot"] is not None else {}),
         **({"own code": _own_code(summary)} if summary["extensions"] else {}),
         **({"real time": kept_pace(summary)} if summary["realtime"] else {}),
     }.items():
@@ -118,6 +119,15 @@ def _tracked(summary: dict[str, Any], what: str, key: str, unit: str) -> str:
     before, after = (summary[f"tracking_rms_{when}_{key}"] for when in ("pre", "post"))
     words = f"RMS of {what} {_number(before)} {unit}"
     return words if summary["failed_at_s"] is None else f"{words}, {_number(after)} {unit} from 0.3 s after the failure"
+
+
+def _pull_up(summary: dict[str, Any]) -> str:
+    """Return in words how the first pulse of a flight in g went."""
+    under = summary["pull_up_undershoot"]
+    return (
+        f"overshoot {summary['pull_up_overshoot']:.1%}{'' if under is None else f', undershoot {under:.1%}'}; "
+        f"elevator above 5 Hz {summary['pull_up_flutter_deg']:.2f} deg RMS"
+    )
 
 
 def _estimates(summary: dict[str, Any]) -> Table:

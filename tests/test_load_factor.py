@@ -7,8 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flightbed import campaign as campaigns
 from flightbed.aircraft import Aircraft
 from flightbed.assembly import assemble
+from flightbed.campaign_lead import headline
+from flightbed.campaign_report import campaign_report
+from flightbed.card import run_card
 from flightbed.comparison import load_runs
 from flightbed.comparison_report import comparison_report
 from flightbed.envelope import DYNAMIC_PRESSURES_PSF, PSF, pitch_points
@@ -168,6 +172,32 @@ def test_the_correction_by_k_goes_with_the_scheduled_law() -> None:
     assert corrected.tracking_rms_g < fixed.tracking_rms_g
     stepped = _flown("pull-up-loss", *SCHEDULED, *adapt[:3])
     assert np.mean(np.abs(np.diff(stepped["elevator_deg"][1200:1700])) * 100.0 > 59.0) > 0.9
+
+
+def test_a_flight_in_g_is_measured_in_g(tmp_path: Path) -> None:
+    result = run(load_scenario("cg-shift"), tmp_path / "run", rerun=False)
+    trace, summary = result.trace, result.summary
+    error, late = trace["nz_g"] - trace["nz_ref_g"], trace["t_s"] >= 10.3 - 1e-9
+    assert summary["tracking_rms_post_nz_g"] == pytest.approx(np.sqrt(np.mean(error[late] ** 2)))
+    assert summary["tracking_rms_post_deg_s"] is None
+    one = pull_up(trace.columns, control_hz=100, ticks=1800)
+    told = [summary[f"pull_up_{key}"] for key in ("overshoot", "undershoot", "disturbance_g", "flutter_deg")]
+    assert told == [one.overshoot, one.undershoot, one.disturbance_g, one.flutter_deg]
+    assert "nz - nz_ref" in run_card(result.plan.scenario, summary)
+    page = (tmp_path / "run" / "report.html").read_text()
+    assert "RMS of nz - reference" in page
+    assert "pull_up_overshoot" in page
+    other = run(load_scenario("nominal", ["duration_s=1"])).summary
+    assert other["tracking_rms_pre_nz_g"] is None is other["pull_up_overshoot"]
+
+
+def test_a_campaign_of_flights_in_g_is_judged_by_the_load_factor() -> None:
+    flown = campaigns.fly(load_scenario("cg-shift", ["sensors.nz_std_g=0.002"]), 7)
+    assert "RMS of nz - nz_ref" in flown.reason
+    campaign_report(flown)
+    assert "Median RMS of nz - nz_ref from 0.3 s after the failure" in headline(flown)
+    overshoots = flown.quantity("pull_up_overshoot").known
+    assert len(set(overshoots)) == 7
 
 
 def test_both_laws_in_one_recording_and_on_one_page(tmp_path: Path) -> None:

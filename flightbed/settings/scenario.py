@@ -10,7 +10,7 @@ import tomli_w
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from flightbed.consistency import contradictions
+from flightbed.consistency import LOAD_FACTOR_LAWS, contradictions
 from flightbed.settings.base import Identifier, NonNegative, OwnSettings, Positive, Settings, Share, between, registered
 from flightbed.settings.load_factor import Autothrottle, Identification
 from flightbed.units import DEG
@@ -348,6 +348,11 @@ class Scenario(Settings):
     def ticks(self) -> int:
         """Number of control ticks."""
         return round(self.duration_s * self.rates.control_hz)
+
+    @property
+    def in_g(self) -> bool:
+        """Whether the law is commanded in g, and not in pitch rate."""
+        return self.control.law in LOAD_FACTOR_LAWS
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:

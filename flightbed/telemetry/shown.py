@@ -48,6 +48,7 @@ class Shown:
         control_hz: ticks per second.
         m_delta: pitch acceleration per deflection at the trim point, 1/s^2.
         readings: of estimators how many readings their NIS is of, where that is known.
+        in_g: whether it is commanded in g.
         departed: whether it ended in a departure.
 
     """
@@ -66,6 +67,7 @@ class Shown:
     control_hz: int
     m_delta: float
     readings: Mapping[str, float]
+    in_g: bool = False
     departed: bool = False
 
     @classmethod
@@ -92,6 +94,7 @@ class Shown:
             control_hz=hz,
             m_delta=float(plan.design.b[1]),
             readings=dict(readings),
+            in_g=scenario.in_g,
         )
 
     def flown(

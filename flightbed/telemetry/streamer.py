@@ -135,8 +135,8 @@ class Show:
         if not rows:
             return
         shown, values = self._shown, np.concatenate([self._kept, np.frombuffer(rows)])
-        hz, lateral = shown.control_hz, shown.lateral
-        trace = from_rows(values, estimators=shown.estimators, control_hz=hz, lateral=lateral)
+        hz, more = shown.control_hz, {"lateral": shown.lateral, "load_factor": shown.in_g}
+        trace = from_rows(values, estimators=shown.estimators, control_hz=hz, **more)
         trace = with_excitation(trace, m_delta=shown.m_delta, control_hz=hz)
         width = len(values) // len(trace)
         new = len(self._kept) // width

@@ -75,18 +75,25 @@ def test_the_viewer_sees_the_whole_flight(short: Scenario, tmp_path: Path) -> No
     _same_flight(result, short)
 
 
-def test_rows_of_roll_and_yaw_are_handed_on_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the loop hands to the process that shows it is the flight, with aileron and rudder."""
+@pytest.mark.parametrize("in_g", [False, True])
+def test_rows_of_other_axes_are_handed_on_whole(monkeypatch: pytest.MonkeyPatch, in_g: bool) -> None:
+    """What the loop hands to the process that shows it is the flight, with aileron and rudder, or with the load factor."""
     handed: list[tuple[bytes, bytes]] = []
     live = Live()
     monkeypatch.setattr(live, "_put", lambda kind, content: handed.append((kind, content)))
     monkeypatch.setattr(live, "start", lambda shown: handed.append((live_module.FLIGHT, shown.to_json().encode())))
-    result = run(rolling(SOON), live=live)
+    scenario = (
+        load_scenario("cg-shift", ["duration_s=3", "command.start_s=1", "failures.0.at_s=2"]) if in_g else rolling(SOON)
+    )
+    result = run(scenario, live=live)
     (told,) = (Shown.from_json(content.decode()) for kind, content in handed if kind == live_module.FLIGHT)
-    assert told.lateral
-    assert told.estimators == NAMES
+    assert (told.lateral, told.in_g) == (not in_g, in_g)
+    assert told.estimators == (() if in_g else NAMES)
     rows = np.frombuffer(b"".join(content for kind, content in handed if kind == live_module.ROWS))
-    shown = from_rows(rows, estimators=told.estimators, control_hz=told.control_hz, lateral=told.lateral)
+    more = {"lateral": told.lateral, "load_factor": told.in_g}
+    shown = from_rows(rows, estimators=told.estimators, control_hz=told.control_hz, **more)
+    assert set(shown.columns) <= set(result.trace.columns)
+    assert ("nz_ref_g" in shown.columns) == in_g
     for name in shown.columns:
         np.testing.assert_array_equal(shown[name], result.trace[name], err_msg=name)
 
