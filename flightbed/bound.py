@@ -5,6 +5,10 @@ d x_k / d (x_0, K) follows S+ = A S + [0, b u], S_0 = [I, 0], and the Fisher inf
 of K is the last element of its inverse; nothing is known beforehand of x_0 or K (Van Trees, Detection, Estimation, and Modulation
 Theory I, S 2.4). Disturbances and model errors only make things worse: it is a bound for clean air and a true model.
 
+Inverting that sum loses all digits within seconds: what the first state does grows like the aircraft's unstable mode. So the covariance of
+(present state, K) is carried along instead, which is the same for K: as a square root of the information until it tells K, then as one
+of the covariance (Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, ch. II and V).
+
 This module sees the truth: it judges flights, and nothing on board may use it.
 """
 
@@ -22,50 +26,95 @@ from flightbed.units import DEG, FT
 
 
 @compiled
-def _bounds(models: Array, u: Array, first: Array, r: Array) -> Array:
+def _read(R: Array, std: Array) -> None:
+    """Take one more sample into the triangle R (3, 3) of the information R' R on (x, K): two rows, turned into it one after the other."""
+    row = np.zeros(3)
+    for read in range(2):
+        row[:] = 0.0
+        row[read] = 1.0 / std[read]
+        for i in range(3):
+            if row[i] != 0.0:
+                length = np.hypot(R[i, i], row[i])
+                c, s = R[i, i] / length, row[i] / length
+                for j in range(i, 3):
+                    R[i, j], row[j] = c * R[i, j] + s * row[j], c * row[j] - s * R[i, j]
+
+
+@compiled
+def _next(R: Array, m: Array, u: float) -> None:
+    """Let the information be on the next x: x' = A^-1 (x - b u K - c), and one rotation to make R a triangle again."""
+    det = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
+    for i in range(2):
+        alpha, q = R[i, 0], R[i, 1]
+        R[i, 0], R[i, 1] = (alpha * m[1, 1] - q * m[1, 0]) / det, (q * m[0, 0] - alpha * m[0, 1]) / det
+        R[i, 2] -= (R[i, 0] * m[0, 2] + R[i, 1] * m[1, 2]) * u
+    length = np.hypot(R[0, 0], R[1, 0])
+    c, s = R[0, 0] / length, R[1, 0] / length
+    for j in range(3):
+        R[0, j], R[1, j] = c * R[0, j] + s * R[1, j], c * R[1, j] - s * R[0, j]
+
+
+@compiled
+def _inverted(R: Array, S: Array) -> None:
+    """Let S be the inverse of the triangle R."""
+    S[:] = 0.0
+    for i in range(3):
+        S[i, i] = 1.0 / R[i, i]
+    S[0, 1] = -R[0, 1] * S[1, 1] / R[0, 0]
+    S[1, 2] = -R[1, 2] * S[2, 2] / R[1, 1]
+    S[0, 2] = -(R[0, 1] * S[1, 2] + R[0, 2] * S[2, 2]) / R[0, 0]
+
+
+@compiled
+def _filtered(S: Array, m: Array, u: float, std: Array) -> None:
+    """Take a period and the sample at its end into the square root S of the covariance S S' of (x, K): Potter's rule."""
+    for j in range(3):
+        alpha, q = S[0, j], S[1, j]
+        S[0, j] = m[0, 0] * alpha + m[0, 1] * q + m[0, 2] * u * S[2, j]
+        S[1, j] = m[1, 0] * alpha + m[1, 1] * q + m[1, 2] * u * S[2, j]
+    for read in range(2):
+        f0, f1, f2 = S[read, 0], S[read, 1], S[read, 2]
+        var = f0 * f0 + f1 * f1 + f2 * f2 + std[read] ** 2
+        share = 1.0 / (var + std[read] * np.sqrt(var))
+        for i in range(3):
+            gain = share * (S[i, 0] * f0 + S[i, 1] * f1 + S[i, 2] * f2)
+            S[i, 0] -= gain * f0
+            S[i, 1] -= gain * f1
+            S[i, 2] -= gain * f2
+
+
+@compiled
+def _bounds(models: Array, u: Array, first: Array, std: Array) -> Array:
     """Return the bound on the standard deviation of K at every tick, from the samples ``first[k]`` to k; inf where it is not told.
 
     Args:
         models: (T, 2, 4), [A | b | c] of the period that ends at each tick.
         u: (T,) deflection over that period.
         first: (T,) index of the first sample that counts.
-        r: (2,) variances of the readings.
+        std: (2,) standard deviations of the readings.
 
     """
     T = models.shape[0]
     out = np.full(T, np.inf)
-    S, J = np.zeros((2, 3)), np.zeros((3, 3))
+    R, S, told = np.zeros((3, 3)), np.zeros((3, 3)), False
     for k in range(T):
         begin = int(first[k])
         if k > 0 and first[k] == first[k - 1]:  # the same stretch, one sample more
             begin = k
         else:
-            S[:], J[:] = 0.0, 0.0
-            S[0, 0], S[1, 1] = 1.0, 1.0
+            R[:], told = 0.0, False
         for j in range(begin, k + 1):
+            if told:
+                _filtered(S, models[j], u[j], std)
+                continue
             if j > int(first[k]):
-                m = models[j]
-                for a in range(
-                    3
-                ):  # S+ = A S + [0, b u], written out: a library's product costs more, and keeps all cores busy
-                    top, low = S[0, a], S[1, a]
-                    S[0, a] = m[0, 0] * top + m[0, 1] * low
-                    S[1, a] = m[1, 0] * top + m[1, 1] * low
-                S[0, 2] += m[0, 2] * u[j]
-                S[1, 2] += m[1, 2] * u[j]
-            for i in range(2):
-                for a in range(3):
-                    for b in range(3):
-                        J[a, b] += S[i, a] * S[i, b] / r[i]
-        # Schur complement: the information on K that is left when x_0 has to be found too.
-        det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
-        if det > 0.0:
-            spent = (
-                J[2, 0] * (J[1, 1] * J[0, 2] - J[0, 1] * J[1, 2]) + J[2, 1] * (J[0, 0] * J[1, 2] - J[1, 0] * J[0, 2])
-            ) / det
-            left = J[2, 2] - spent
-            if left > 1e-9 * J[2, 2] and left > 0.0:
-                out[k] = 1.0 / np.sqrt(left)
+                _next(R, models[j], u[j])
+            _read(R, std)
+            told = abs(R[2, 2]) > 1e-9 * np.sqrt(R[0, 2] ** 2 + R[1, 2] ** 2)
+            if told:
+                _inverted(R, S)
+        if told:
+            out[k] = np.sqrt(S[2, 0] ** 2 + S[2, 1] ** 2 + S[2, 2] ** 2)
     return out
 
 
@@ -108,4 +157,4 @@ def bound(trace: Trace, models: Array, noise: SensorNoise, *, window: int | None
         since[at + 1 :] = at
     if window is not None:
         since = np.maximum(since, np.arange(T) - window)
-    return _bounds(models, u, since, np.array([noise.alpha_rad**2, noise.q_rad_s**2]))
+    return _bounds(models, u, since, np.array([noise.alpha_rad, noise.q_rad_s]))

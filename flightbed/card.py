@@ -165,7 +165,7 @@ def command(scenario: Scenario, place: str = "command") -> str:
         used = {k: v for k, v in used.items() if f"{place}.{k}" not in idle}
     else:
         used = {k: v for k, v in used.items() if k in asked.model_fields_set} | dict(asked.options)
-    suffixes = {"deg/s": "_deg_s", "deg": "_deg", "s": "_s", "Hz": "_hz"}
+    suffixes = {"deg/s": "_deg_s", "deg": "_deg", "s": "_s", "Hz": "_hz", "g": "_g"}
     words = [asked.kind]
     for key, value in sorted(used.items(), key=lambda item: not item[0].startswith("amplitude")):
         unit = unit_of(key) if unit_of(key) in suffixes else ""

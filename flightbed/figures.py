@@ -108,10 +108,13 @@ def _followed(axis: Axes, result: Result, name: str, suffix: str, label: str, ke
     """Draw what follows a reference: columns NAME_SUFFIX, NAME_cmd_SUFFIX, NAME_ref_SUFFIX; ``key`` ends its metrics."""
     trace, summary, unit = result.trace, result.summary, label.rpartition(", ")[2]
     t, flown, reference = trace["t_s"], trace[f"{name}_{suffix}"], trace[f"{name}_ref_{suffix}"]
+    axis.set_ylabel(label)
+    if not np.any(np.isfinite(reference)):
+        drawing.line(axis, t, flown, color=drawing.ACTUAL, label=name)
+        return f"{_range(flown, '+.2f', unit)}; no {name} is asked for."
     drawing.line(axis, t, trace[f"{name}_cmd_{suffix}"], color=drawing.COMMAND, linewidth=0.8, label="command")
     drawing.line(axis, t, reference, color=drawing.REFERENCE, label="reference")
     drawing.line(axis, t, flown, color=drawing.ACTUAL, label=name)
-    axis.set_ylabel(label)
     before, after = (number(summary[f"tracking_rms_{k}_{key}"]) for k in ("pre", "post"))
     error = np.abs(np.where(np.isfinite(flown - reference), flown - reference, 0.0))
     worst = f"largest |{name} - reference| {error.max():.2f} {unit}, at {t[error.argmax()]:.2f} s."

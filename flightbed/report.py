@@ -94,9 +94,7 @@ def _lead(result: Result) -> Section:
         ("before the failure" if failed else "whole flight", "pre"),
         *((("after it", "post"),) if failed else ()),
     ):
-        columns.append(f"RMS q - reference {when}, deg/s")
-        cells.append(summary[f"tracking_rms_{key}_deg_s"])
-        for what, of, unit in followed(scenario)[1:]:
+        for what, of, unit in followed(scenario):
             columns.append(f"RMS {what.partition(' ')[0]} - reference {when}, {unit}")
             cells.append(summary[f"tracking_rms_{key}_{of}"])
     tables = [Table("key", "", columns, [cells], {"elevator at a stop": ".1%"})]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from decimal import Context, Decimal, localcontext
+
 import control
 import numpy as np
 import pytest
@@ -34,7 +36,7 @@ def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator)
         return (np.array(out) / np.sqrt(r)).ravel()
 
     first = np.maximum(0, np.arange(T) - 20).astype(float)
-    found = _bounds(models, u, first, r)
+    found = _bounds(models, u, first, np.sqrt(r))
     p = np.array([0.01, 0.02, 0.6])
     for k in (3, 10, 25, 39):
         H = np.column_stack(
@@ -43,6 +45,33 @@ def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator)
         expected = np.sqrt(np.linalg.pinv(H.T @ H)[2, 2])
         assert abs(found[k] / expected - 1.0) < 1e-6, k
     assert np.isinf(found[0])
+
+
+@pytest.mark.parametrize("seconds", [2, 16, 60])
+def test_round_off_does_not_grow_with_the_stretch_of_an_unstable_aircraft(
+    rng: np.random.Generator, seconds: int
+) -> None:
+    """Against the sum and its inverse in as many digits as it takes: what the first state does grows by up to e^60 here."""
+    T, std = 100 * seconds, (5e-4, 2e-3)
+    A, b, u = expm(0.01 * np.array([[-1.0, 1.0], [4.0, -1.0]])), (5e-4, -0.14), (0.1 * rng.standard_normal(T)).tolist()
+    models = np.zeros((T, 2, 4))
+    models[:, :, :2], models[:, :, 2] = A, b
+    J = np.full((3, 3), Decimal(0))
+    with localcontext(Context(prec=400)):
+        step, S = (
+            np.array([[Decimal(x) for x in row] for row in A.tolist()]),
+            np.array([[Decimal(int(i == j)) for j in range(3)] for i in range(2)]),
+        )
+        for k in range(T):
+            if k:
+                S = step @ S
+                S[:, 2] += np.array([Decimal(x) for x in b]) * Decimal(u[k])
+            for i in range(2):
+                J += np.outer(S[i], S[i]) / Decimal(std[i]) ** 2
+        (c, d), (e, f) = J[0, :2], J[1, :2]
+        spent = (J[2, 0] * (f * J[0, 2] - d * J[1, 2]) + J[2, 1] * (c * J[1, 2] - e * J[0, 2])) / (c * f - d * e)
+        expected = float(1 / (J[2, 2] - spent).sqrt())
+    assert _bounds(models, np.array(u), np.zeros(T), np.array(std))[-1] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.fixture(scope="module")
