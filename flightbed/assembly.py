@@ -144,7 +144,9 @@ def _lateral(plan: Plan, plant: Plant, names: Sequence[str], seed: np.random.See
     assert isinstance(aircraft, Aircraft)
     assert plan.lateral is not None
     hz, ticks = scenario.rates.control_hz, scenario.ticks
-    roll, sideslip = (_asked(scenario, command) for command in (settings.roll, settings.sideslip.as_command()))
+    roll, sideslip = (
+        _asked(scenario, command) for command in (settings.roll.as_command(), settings.sideslip.as_command())
+    )
     weights = RollYawWeights(*(getattr(settings, key) * DEG for key in _WEIGHTS))
     asked = scenario.adaptation
     corrections = []

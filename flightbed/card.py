@@ -7,7 +7,7 @@ from typing import Any
 from flightbed import registry
 from flightbed.consistency import idle_keys
 from flightbed.event_log import failures, gusts, milliseconds
-from flightbed.settings import Command, Scenario, SideslipCommand
+from flightbed.settings import Command, RollCommand, Scenario, SideslipCommand
 from flightbed.units import unit_of
 
 
@@ -154,7 +154,7 @@ def command(scenario: Scenario, place: str = "command") -> str:
 
     """
     idle, lateral = idle_keys(scenario), scenario.lateral
-    tables: dict[str, Command | SideslipCommand] = {
+    tables: dict[str, Command | RollCommand | SideslipCommand] = {
         "command": scenario.command,
         "lateral.roll": lateral.roll,
         "lateral.sideslip": lateral.sideslip,

@@ -13,7 +13,7 @@ from flightbed.naming import estimate_name
 from flightbed.signals import SURFACES
 
 if TYPE_CHECKING:
-    from flightbed.settings import Command, EstimatorSettings, Scenario, SideslipCommand
+    from flightbed.settings import Command, EstimatorSettings, RollCommand, Scenario, SideslipCommand
 
 LOAD_FACTOR_LAWS = ("nz-adaptive", "nz-scheduled")  # commanded in g
 _PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
@@ -231,7 +231,9 @@ def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
     return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; there is: {', '.join(names) or 'none'}"
 
 
-def _command_contradictions(command: Command | SideslipCommand, hz: int, place: str = "command") -> list[str]:
+def _command_contradictions(
+    command: Command | RollCommand | SideslipCommand, hz: int, place: str = "command"
+) -> list[str]:
     kind = command.kind
     shortest = {"doublet": ("period_s", 2), "3-2-1-1": ("period_s", 7), "random": ("switch_s", 1)}
     if kind in shortest:
@@ -324,7 +326,7 @@ def _idle_in_g(scenario: Scenario) -> dict[str, str]:
     """Return what a flight that is commanded in g has no use for, or one that is not."""
     law, why = scenario.control.law, f"control.law = '{scenario.control.law}'"
     identification = {f"control.identification.{key}" for key in _IDENTIFICATION}
-    idle = {"lateral.roll.amplitude_g"}
+    idle: set[str] = set()
     if law in LOAD_FACTOR_LAWS:
         idle |= {"command.amplitude_deg_s", "control.integral_pole_rad_s", "adaptation.feedback"}
         idle |= {f"control.gains.{key}" for key in ("alpha", "q_s", "elevator", "reference_s", "integral")} | {
@@ -334,7 +336,7 @@ def _idle_in_g(scenario: Scenario) -> dict[str, str]:
     elif registry.is_built_in("laws", law):
         idle |= {"command.amplitude_g", *identification, "control.autothrottle.enabled"}
         idle |= {f"control.autothrottle.{key}" for key in _AUTOTHROTTLE}
-    keys = dict.fromkeys(sorted(idle), why) | {"lateral.roll.amplitude_g": "lateral.roll, which is commanded in deg/s"}
+    keys = dict.fromkeys(sorted(idle), why)
     throttle = scenario.control.autothrottle
     if law in LOAD_FACTOR_LAWS and not throttle.enabled:
         keys |= {f"control.autothrottle.{key}": "control.autothrottle.enabled = false" for key in _AUTOTHROTTLE}
@@ -343,7 +345,7 @@ def _idle_in_g(scenario: Scenario) -> dict[str, str]:
     return keys
 
 
-def _idle_in_command(place: str, command: Command | SideslipCommand) -> dict[str, str]:
+def _idle_in_command(place: str, command: Command | RollCommand | SideslipCommand) -> dict[str, str]:
     unused = _COMMAND_KEYS - _COMMAND_USES.get(command.kind, _COMMAND_KEYS)
     if "amplitude_deg" in type(command).model_fields:
         unused = {"amplitude_deg" if key == "amplitude_deg_s" else key for key in unused}

@@ -50,7 +50,7 @@ def test_list_names_everything_with_a_line_each(tmp_path: Path) -> None:
                  "two-stage", "stuck", "floating", "hardover", "rate-limit", "bias"):  # fmt: skip
         assert f"\n  {name} " in listed
     laws = [line.split()[0] for line in flightbed("list", "laws", cwd=tmp_path).stdout.splitlines()]
-    assert laws == ["lq", "proportional", "proportional-integral"]
+    assert laws == ["lq", "nz-adaptive", "nz-scheduled", "proportional", "proportional-integral"]
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from flightbed.settings.scenario import ModelError as ModelError
 from flightbed.settings.scenario import Prior as Prior
 from flightbed.settings.scenario import ProcessNoise as ProcessNoise
 from flightbed.settings.scenario import Rates as Rates
+from flightbed.settings.scenario import RollCommand as RollCommand
 from flightbed.settings.scenario import Scenario as Scenario
 from flightbed.settings.scenario import Sensors as Sensors
 from flightbed.settings.scenario import SideslipCommand as SideslipCommand

@@ -63,26 +63,33 @@ class _Shape(OwnSettings):
     filter_rad_s: NonNegative = 3.0
 
 
-class Command(_Shape):
-    """Pitch-rate, roll-rate or load-factor command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
-
+class _RateCommand(_Shape):
     amplitude_deg_s: float = 5.0
-    amplitude_g: float = 1.0
 
     @model_validator(mode="before")
     @classmethod
     def _small_dither(cls, raw: Any) -> Any:
         return {"amplitude_deg_s": 0.5, **raw} if isinstance(raw, Mapping) and raw.get("kind") == "dither" else raw
 
+
+class Command(_RateCommand):
+    """Pitch-rate or load-factor command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
+
+    amplitude_g: float = 1.0
+
     def in_g(self) -> Command:
         """Return the command whose rad/s are this one's g."""
         return self.model_copy(update={"amplitude_deg_s": self.amplitude_g / DEG})
 
 
-class RollCommand(Command):
+class RollCommand(_RateCommand):
     """Roll-rate command and its prefilter, as Command, but without a kind there is none."""
 
     kind: Annotated[str, registered("commands")] = "none"
+
+    def as_command(self) -> Command:
+        """Return the same as a Command."""
+        return Command(**{key: getattr(self, key) for key in _RateCommand.model_fields})
 
 
 class SideslipCommand(_Shape):
