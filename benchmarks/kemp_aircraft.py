@@ -2,11 +2,13 @@
 
     python benchmarks/kemp_aircraft.py [--runs 20] [--workers N]
 
-1. Cases 1 to 3 of the thesis: overshoot, undershoot, what the c.g. shift does, flutter. The seeds vary the sensors' noise.
-2. Losses of elevator effectiveness before a pull-up.
-3. The same with noise on the accelerometer, which the thesis does not have.
-4. A loop at 4 g, with the command's prefilter and without; from 334 to 900 ft/s.
-5. Microseconds of a demand of each law and of an update of the estimator ``plid``.
+1. Cases 1 to 3 of the thesis, the latter also behind a prefilter and with commands that come a tick late: overshoot, undershoot, what the
+   c.g. shift does, flutter, use of the elevator's rate. The seeds vary the sensors' noise.
+2. Losses of elevator effectiveness before a pull-up, also with the scheduled law corrected by 1/K-hat; flutter without the sensors' noise.
+3. Cases and loss with noise on the accelerometer, which the thesis does not have.
+4. Loops, with the command's prefilter and without; from 333 to 680 ft/s.
+5. The estimator ``plid`` beside the scheduled filter.
+6. Microseconds of a demand of each law and of an update of the estimator ``plid``.
 """
 
 from __future__ import annotations
@@ -19,14 +21,17 @@ from concurrent.futures import Executor
 
 import numpy as np
 
+from flightbed.aircraft import Aircraft
 from flightbed.assembly import assemble
+from flightbed.campaign import fly
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
-from flightbed.loop import fly
+from flightbed.loop import fly as samples_of
 from flightbed.plan import plan
-from flightbed.pull_up import COLUMNS, PullUp, command_g, increment_g, pull_up
+from flightbed.pull_up import COLUMNS, PullUp, command_g, first_pulse, increment_g, pull_up
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
 from flightbed.statistics import median_interval, share
+from flightbed.units import DEG, FT
 
 # Of the thesis: first guess and variances of the listing of D, gains at once.
 THESIS = (
@@ -41,29 +46,62 @@ LAWS: dict[str, tuple[str, ...]] = {
     "- its u filtered": (*THESIS, "control.identification.command_filter_rad_s=20"),
     "- its gains filtered": (*THESIS[:2], "control.identification.gain_filter_rad_s=5"),
 }
+CORRECTED = (
+    "control.law=nz-scheduled", "adaptation.enabled=true", "adaptation.estimator=k", 'estimators=[{name="k"}]',
+)  # fmt: skip
+PREFILTER = ("command.filter_rad_s=3",)
+QUIET = tuple(
+    f"sensors.{key}={'1e-6' if key in ('alpha_std_deg', 'q_std_deg_s') else '0'}"
+    for key in ("alpha_std_deg", "q_std_deg_s", "theta_std_deg", "phi_std_deg", "mach_std", "altitude_std_ft")
+)
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "1: 1 g, 1 s": ("cg-shift", ("failures=[]", "duration_s=16", "command.start_s=10", "command.period_s=1")),
     "2: c.g. at 10 s": ("cg-shift", ()),
     "3: throttle, c.g.": ("throttle-and-cg", ()),
+    "2, prefilter 3 rad/s": ("cg-shift", PREFILTER),
+    "3, prefilter 3 rad/s": ("throttle-and-cg", PREFILTER),
+    "2, a tick late": ("cg-shift", ("rates.delay_ticks=1",)),
 }
 LOSSES = (0.5, 0.35, 0.2, 0.1)
 NOISES_G = (0.002, 0.005, 0.01)
 
 
-def _measured(scenario: Scenario, flights: Sequence[Flown]) -> list[PullUp]:
-    hz = scenario.rates.control_hz
-    return [pull_up(flown.columns, control_hz=hz, ticks=scenario.ticks) for flown in flights]
+Measured = tuple[
+    PullUp, float
+]  # and the share of ticks, from the pulse's begin to 3 s after its release, at the rate limit
 
 
-def _row(name: str, found: Sequence[PullUp]) -> str:
-    kept = [f for f in found if not f.lost]
+def _measured(scenario: Scenario, flights: Sequence[Flown]) -> list[Measured]:
+    hz, limit = scenario.rates.control_hz, _rate_limit_deg_s(scenario)
+    found = []
+    for flown in flights:
+        pulse = first_pulse(command_g(flown.columns), control_hz=hz)
+        busy = np.nan
+        if pulse is not None:
+            begin, end, _ = pulse
+            rate = np.abs(np.diff(flown.columns["elevator_deg"][begin : end + 3 * hz])) * hz
+            busy = float(np.mean(rate > 0.98 * limit))
+        found.append((pull_up(flown.columns, control_hz=hz, ticks=scenario.ticks), busy))
+    return found
+
+
+def _rate_limit_deg_s(scenario: Scenario) -> float:
+    """Return the elevator's rate limit, deg/s."""
+    aircraft = plan(scenario).aircraft
+    assert isinstance(aircraft, Aircraft)
+    return aircraft.actuator.rate_limit_rad_s / DEG
+
+
+def _row(name: str, found: Sequence[Measured]) -> str:
+    kept = [f for f, _ in found if not f.lost]
+    busy = [share for f, share in found if not f.lost]
     lost = share(len(found) - len(kept), len(found))
     text = f"{name:>22} | {len(found) - len(kept):3d}/{len(found)} ({lost.low:.2f} to {lost.high:.2f})"
     if not kept:
         return text
     columns = (
         [100.0 * f.overshoot for f in kept], [100.0 * f.undershoot for f in kept], [f.disturbance_g for f in kept],
-        [f.flutter_deg for f in kept], [f.tracking_rms_g for f in kept],
+        [f.flutter_deg for f in kept], [f.tracking_rms_g for f in kept], [100.0 * b for b in busy],
     )  # fmt: skip
     for column in columns:
         m = median_interval(column)
@@ -73,15 +111,22 @@ def _row(name: str, found: Sequence[PullUp]) -> str:
 
 def table(
     title: str, cases: dict[str, dict[str, Scenario]], runs: int, executor: Executor | None
-) -> dict[str, dict[str, list[PullUp]]]:
+) -> dict[str, dict[str, list[Measured]]]:
     """Fly and print a table for each case, a row for each law; returns what was measured."""
     jobs = [(case, law, scenario) for case, laws in cases.items() for law, scenario in laws.items()]
-    flights = fly_jobs([Job(scenario, runs, COLUMNS) for _, _, scenario in jobs], executor=executor)
-    found: dict[str, dict[str, list[PullUp]]] = {case: {} for case in cases}
+    flights = fly_jobs([Job(scenario, runs, (*COLUMNS, "elevator_deg")) for _, _, scenario in jobs], executor=executor)
+    found: dict[str, dict[str, list[Measured]]] = {case: {} for case in cases}
     for (case, law, scenario), flown in zip(jobs, flights, strict=True):
         found[case][law] = _measured(scenario, flown)
     print(f"\n{title}: {runs * len(jobs)} flights. Medians of those not lost, with intervals of 95 %")
-    heads = ("overshoot, %", "undershoot, %", "before it, g", "flutter, deg", "RMS of the error, g")
+    heads = (
+        "overshoot, %",
+        "undershoot, %",
+        "before it, g",
+        "flutter, deg",
+        "RMS of the error, g",
+        "at the rate limit, %",
+    )
     print(f"{'':>22} | {'lost, share':>19} | " + " | ".join(f"{head:>26}" for head in heads))
     for case, laws in found.items():
         print(f"  {case}")
@@ -91,7 +136,11 @@ def table(
 
 
 def cases(runs: int, executor: Executor | None) -> None:
-    """Print the thesis's cases, and how often the adaptive overshoot is below the scheduled one of the same seed."""
+    """Print the thesis's cases, what the shift does to the model, and how far adaptive overshoots less, seed by seed."""
+    for shift in (0.0176, 0.0676):
+        design = plan(load_scenario("cg-shift", (f"aircraft.cg_shift_cbar={shift}",))).load_factor
+        assert design is not None
+        print(f"c.g. {shift:g} of the chord aft of JSBSim's: M_alpha {design.here.A[1, 0]:.2f} 1/s^2")
     wanted = {
         case: {law: load_scenario(name, (*sets, *more)) for law, more in LAWS.items()}
         for case, (name, sets) in CASES.items()
@@ -100,7 +149,7 @@ def cases(runs: int, executor: Executor | None) -> None:
     for case, laws in found.items():
         for rival in ("scheduled", "scheduled, as slow", "scheduled, soft"):
             pairs = zip(laws["adaptive"], laws[rival], strict=True)
-            less = median_interval([100.0 * (a.overshoot - s.overshoot) for a, s in pairs])
+            less = median_interval([100.0 * (a.overshoot - s.overshoot) for (a, _), (s, _) in pairs])
             print(
                 f"  {case}: overshoot, adaptive less {rival}: {less.estimate:.2f} ({less.low:.2f} to {less.high:.2f}) % of the command"
             )
@@ -113,7 +162,26 @@ def losses(runs: int, executor: Executor | None) -> None:
         f"K = {to}": {law: load_scenario("pull-up-loss", (f"failures.0.to={to}", *LAWS[law])) for law in laws}
         for to in LOSSES
     }
+    for case, laws in wanted.items():
+        sets = (f"failures.0.to={case.split()[-1]}",)
+        laws["corrected by 1/K"] = load_scenario("pull-up-loss", (*sets, *CORRECTED))
+    wanted |= {
+        f"K = {to}, prefilter 3 rad/s": {
+            name: load_scenario("pull-up-loss", (f"failures.0.to={to}", *PREFILTER, *more))
+            for name, more in (("scheduled", LAWS["scheduled"]), ("corrected by 1/K", CORRECTED), ("adaptive", ()))
+        }
+        for to in (0.35, 0.2)
+    }
     table("2. Elevator losses", wanted, runs, executor)
+    quiet = {"case 2": ("cg-shift", ())} | {f"K = {to}": ("pull-up-loss", (f"failures.0.to={to}",)) for to in LOSSES}
+    print("\n   Flutter without the sensors' noise, deg")
+    for law, more in LAWS.items():
+        jobs = [Job(load_scenario(name, (*sets, *QUIET, *more)), 1, COLUMNS) for name, sets in quiet.values()]
+        told = []
+        for (case, _), (flown,) in zip(quiet.items(), fly_jobs(jobs, executor=executor), strict=True):
+            found = pull_up(flown.columns, control_hz=100, ticks=0)
+            told.append(f"{case} {found.flutter_deg:6.3f}")
+        print(f"{law:>22} | " + " | ".join(told))
     noisy = {
         f"{name}, accelerometer {std:g} g": {
             law: load_scenario(name, (f"sensors.nz_std_g={std}", *LAWS[law])) for law in laws
@@ -125,11 +193,12 @@ def losses(runs: int, executor: Executor | None) -> None:
 
 
 def loops(runs: int, executor: Executor | None) -> None:
-    """Print how well 4 g are held in a loop."""
+    """Print how well 4 and 5 g are held in a loop."""
     print("\n4. A loop: a_n from 2 s after the command to its end, g")
-    for law in ("scheduled", "adaptive", "adaptive, thesis"):
-        for filtered in (3, 0):
-            scenario = load_scenario("loop", (f"command.filter_rad_s={filtered}", *LAWS[law]))
+    for size, filtered in ((4, 3), (4, 0), (5, 3)):
+        for law in ("scheduled", "adaptive", "adaptive, thesis"):
+            sets = (f"command.amplitude_g={size}", f"command.filter_rad_s={filtered}", *LAWS[law])
+            scenario = load_scenario("loop", sets)
             (flights,) = fly_jobs([Job(scenario, runs, (*COLUMNS, "q_deg_s"))], executor=executor)
             least, most, turns = [], [], []
             for flown in flights:
@@ -139,22 +208,42 @@ def loops(runs: int, executor: Executor | None) -> None:
                 most.append(float(np.max(held[on])))
                 turns.append(float(np.sum(flown.columns["q_deg_s"])) / scenario.rates.control_hz)
             print(
-                f"{law:>22}, prefilter {filtered} rad/s | {min(least):6.2f} to {max(most):6.2f} | turned {np.median(turns):5.0f} deg"
+                f"{law:>22}, {size} g, prefilter {filtered} rad/s | {min(least):6.2f} to {max(most):6.2f} "
+                f"| turned {np.median(turns):5.0f} deg"
             )
 
 
 def speeds(runs: int, executor: Executor | None) -> None:
     """Print the error of a_n to its reference, 10 s by 10 s, while the speed goes up."""
-    print("\n   From 334 to 900 ft/s: RMS of a_n less its reference, g, over 0-10, 10-20, ... 50-60 s; medians")
+    print("\n   While the speed goes up: RMS of a_n less its reference, g, over 0-10, 10-20, ... 50-60 s; medians")
     for law in ("scheduled", "adaptive", "adaptive, thesis"):
         scenario = load_scenario("speed-range", LAWS[law])
-        (flights,) = fly_jobs([Job(scenario, runs, (*COLUMNS, "nz_ref_g"))], executor=executor)
+        (flights,) = fly_jobs([Job(scenario, runs, (*COLUMNS, "nz_ref_g", "airspeed_m_s"))], executor=executor)
         errors = []
         for flown in flights:
             reference = flown.columns["nz_ref_g"] - (flown.columns["nz_cmd_g"] - command_g(flown.columns))
             error = increment_g(flown.columns) - reference
             errors.append([float(np.sqrt(np.mean(part**2))) for part in np.split(error, 6)])
-        print(f"{law:>22} | " + " ".join(f"{value:6.3f}" for value in np.median(errors, axis=0)))
+        speed = flights[0].columns["airspeed_m_s"] / FT
+        told = " ".join(f"{value:6.3f}" for value in np.median(errors, axis=0))
+        print(f"{law:>22} | {told} | {speed[0]:.0f} to {speed[-1]:.0f} ft/s")
+
+
+def beside(runs: int, executor: Executor | None) -> None:
+    """Print what ``plid`` says of K where the scheduled filter does, none of them correcting."""
+    print(
+        f"\n5. Medians of {runs} flights: median |K-hat - K| from 0.3 s after the failure; K-hat at the end; mean NEES"
+    )
+    kinds = '{name="filter"},{name="plid",kind="plid"},{name="slow",kind="plid",block_fade=1.001}'
+    for name in ("elevator-loss", "level-loss", "recovery"):
+        scenario = load_scenario(name, (f"estimators=[{kinds}]", "adaptation.oracle=true", "adaptation.enabled=true"))
+        flown = fly(scenario, runs, executor=executor)
+        for estimator in ("filter", "plid", "slow"):
+            told = []
+            for metric in ("median_abs_error_post", "final", "nees_mean_post"):
+                m = flown.quantity(f"{estimator}.{metric}").median
+                told.append(f"{m.estimate:8.4f} ({m.low:8.4f} to {m.high:8.4f})")
+            print(f"{name:>22}, {estimator:>6} | " + " | ".join(told))
 
 
 def _timed(call: Callable[[], object], repeats: int) -> float:
@@ -166,23 +255,23 @@ def _timed(call: Callable[[], object], repeats: int) -> float:
 
 def times() -> None:
     """Print what a demand and an update take, of readings of a flight."""
-    print("\n5. Microseconds of a call, median of nine rounds of 200")
+    print("\n6. Microseconds of a call, median of nine rounds of 180")
     for name, more in (("nz-scheduled", LAWS["scheduled"]), ("nz-adaptive", ())):
         planned = plan(load_scenario("cg-shift", more))
-        samples = list(fly(assemble(planned)))
+        samples = list(samples_of(assemble(planned)))
         axis = assemble(planned).load_factor
         assert axis is not None
         readings = iter([sample.measurement for sample in samples])
         law = axis.law
         rounds = [
-            _timed(lambda law=law, it=readings: law.demand(next(it), increment_ref_g=0.0, hold=False), 190)
+            _timed(lambda law=law, it=readings: law.demand(next(it), increment_ref_g=0.0, hold=False), 180)
             for _ in range(9)
         ]
         print(f"{name:>22} | {np.median(rounds):6.1f}")
     for form, precision in (("plain", "double"), ("factored", "double"), ("factored", "single")):
         entry = f'estimators=[{{name="plid", kind="plid", form="{form}", precision="{precision}"}}]'
         flight = assemble(plan(load_scenario("elevator-loss", (entry, "adaptation.enabled=false"))))
-        readings = [sample.measurement for sample in fly(assemble(plan(load_scenario("elevator-loss", ()))))]
+        readings = [sample.measurement for sample in samples_of(assemble(plan(load_scenario("elevator-loss", ()))))]
         update, it = flight.estimators[0].update, iter(readings)  # type: ignore[union-attr]
         rounds = [_timed(lambda update=update, it=it: update(next(it)), 180) for _ in range(9)]
         print(f"{f'plid, {form}, {precision}':>22} | {np.median(rounds):6.1f}")
@@ -199,6 +288,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         losses(given.runs, executor)
         loops(min(given.runs, 5), executor)
         speeds(min(given.runs, 5), executor)
+        beside(given.runs, executor)
     times()
     return 0
 

@@ -100,6 +100,8 @@ def contradictions(scenario: Scenario) -> list[str]:
         problems.append(f"duration_s: must be a whole number of ticks of 1/{hz} s (got {scenario.duration_s:g})")
     times = {f"failures.{i}.at_s": failure.at_s for i, failure in enumerate(scenario.failures)}
     times |= {f"gusts.{i}.at_s": gust.at_s for i, gust in enumerate(scenario.gusts)}
+    if scenario.control.autothrottle.then_fps:
+        times["control.autothrottle.then_at_s"] = scenario.control.autothrottle.then_at_s
     problems += [
         f"{key}: must be no later than the last tick, {(ticks - 1) / hz:g} s (got {at_s:g})"
         for key, at_s in times.items()
@@ -203,6 +205,12 @@ def _load_factor_contradictions(scenario: Scenario) -> list[str]:
         problems.append(
             f"control.poles: must be three with control.law = '{control.law}': two states and the integral (got {len(control.poles)})"
         )
+    if control.poles is not None:
+        pairs = [complex(*pole) for pole in control.poles]
+        if any(pairs.count(pole) != pairs.count(pole.conjugate()) for pole in pairs):
+            problems.append(
+                f"control.poles: complex ones must come in conjugate pairs, [re, im] and [re, -im] (got {[list(p) for p in control.poles]})"
+            )
     throttle = control.autothrottle
     if throttle.enabled and not throttle.low_norm < throttle.high_norm:
         problems.append(
@@ -336,6 +344,8 @@ def _idle_in_g(scenario: Scenario) -> dict[str, str]:
     elif registry.is_built_in("laws", law):
         idle |= {"command.amplitude_g", *identification, "control.autothrottle.enabled"}
         idle |= {f"control.autothrottle.{key}" for key in _AUTOTHROTTLE}
+        if all(registry.is_built_in("estimators", estimator.kind) for estimator in scenario.estimators):
+            idle.add("sensors.nz_std_g")
     keys = dict.fromkeys(sorted(idle), why)
     throttle = scenario.control.autothrottle
     if law in LOAD_FACTOR_LAWS and not throttle.enabled:

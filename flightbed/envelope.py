@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -35,7 +36,8 @@ _LOADS = (None, 0.75, 0.5, 0.25)  # level flight; where there is none, a push-ov
 def pitch_points(aircraft: Aircraft, *, cg_shift_cbar: float) -> tuple[PitchPoint, ...]:
     """Trim and linearize at sea level at Kemp's 11 dynamic pressures, 25 to 550 lb/ft^2.
 
-    The F-16 does not fly level at 25 lb/ft^2: there the point is that of a push-over with less lift; the thesis does not say what it did.
+    The F-16 does not fly level at 25 lb/ft^2: there the point is that of a push-over with less lift, and says so; the thesis does not say
+    what it did.
 
     Raises:
         NoTrimError: there is no equilibrium at one of them, not even at a quarter of the weight.
@@ -55,7 +57,8 @@ def _point(aircraft: Aircraft, dynamic_pressure_pa: float, cg_shift_cbar: float)
         except NoTrimError:
             if load == _LOADS[-1]:
                 raise
-    return pitch_point(linearize(airframe, point), mach=mach, altitude_m=0.0)
+    found = pitch_point(linearize(airframe, point), mach=mach, altitude_m=0.0)
+    return found if load is None else replace(found, level=False)
 
 
 def pitch_point(model: LinearModel, *, mach: float, altitude_m: float) -> PitchPoint:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from flightbed.aircraft import Actuator
 from flightbed.loop import DEPARTURE_RAD
 from flightbed.naming import surface_of
-from flightbed.pull_up import PULL_UP_METRICS, command_g, pull_up
+from flightbed.pull_up import PULL_UP_METRICS, command_g, first_pulse, pull_up
 from flightbed.trace import Trace, true_share
 from flightbed.units import DEG
 
@@ -72,8 +72,8 @@ class Metrics:
         tracking_rms_pre_p_deg_s, tracking_rms_post_p_deg_s, tracking_rms_pre_beta_deg, tracking_rms_post_beta_deg: the same of roll rate
             and sideslip; None where aileron and rudder are not commanded.
         tracking_rms_pre_nz_g, tracking_rms_post_nz_g: the same of the load factor; None where the flight is not commanded in g.
-        pull_up_overshoot, pull_up_undershoot, pull_up_disturbance_g, pull_up_flutter_deg: of the first pulse of a flight that is commanded
-            in g, see ``PullUp``; None in others, and what a flight did not get to.
+        pull_up_overshoot, pull_up_undershoot, pull_up_disturbance_g, pull_up_flutter_deg: of a flight that is commanded in g and whose
+            first command is a pulse, see ``PullUp``; None in others, and what a flight did not get to.
         estimators_since_s: from where the estimators' times count: the first tick at which the true K is not 1, or, in a flight whose K
             stays, the first failure; None without a failure.
 
@@ -132,13 +132,8 @@ def measure(
                 f"tracking_rms_pre_{axis}_{unit}": _rms(off[pre]),
                 f"tracking_rms_post_{axis}_{unit}": _rms(off[post]),
             }
-    if "nz_cmd_g" in trace.columns and len(trace) > 1 and np.any(command_g(trace.columns)):
-        hz = round(1.0 / float(trace["t_s"][1] - trace["t_s"][0]))
-        pulled = pull_up(trace.columns, control_hz=hz, ticks=len(trace))
-        beside |= {
-            key: value if isfinite(value := getattr(pulled, key.removeprefix("pull_up_"))) else None
-            for key in PULL_UP_METRICS
-        }
+    if "nz_cmd_g" in trace.columns and len(trace) > 1:
+        beside |= _pull_up(trace)
     return Metrics(
         departed=departed,
         departed_at_s=float(trace["t_s"][-1]) if departed else None,
@@ -153,6 +148,15 @@ def measure(
         },
         **beside,
     )
+
+
+def _pull_up(trace: Trace) -> dict[str, float | None]:
+    hz = round(1.0 / float(trace["t_s"][1] - trace["t_s"][0]))
+    if first_pulse(command_g(trace.columns), control_hz=hz) is None:
+        return {}
+    pulled = pull_up(trace.columns, control_hz=hz, ticks=len(trace))
+    found = {key: float(getattr(pulled, key.removeprefix("pull_up_"))) for key in PULL_UP_METRICS}
+    return {key: value if isfinite(value) else None for key, value in found.items()}
 
 
 def since_s(trace: Trace, estimate: str, failed_at_s: float | None) -> float | None:

@@ -123,10 +123,11 @@ def _tracked(summary: dict[str, Any], what: str, key: str, unit: str) -> str:
 
 def _pull_up(summary: dict[str, Any]) -> str:
     """Return in words how the first pulse of a flight in g went."""
-    under = summary["pull_up_undershoot"]
+    under, flutter = summary["pull_up_undershoot"], summary["pull_up_flutter_deg"]
     return (
-        f"overshoot {summary['pull_up_overshoot']:.1%}{'' if under is None else f', undershoot {under:.1%}'}; "
-        f"elevator above 5 Hz {summary['pull_up_flutter_deg']:.2f} deg RMS"
+        f"overshoot {summary['pull_up_overshoot']:.1%}"
+        f"{'' if under is None else f', undershoot {under:.1%}'}"
+        f"{'' if flutter is None else f'; elevator above 5 Hz {flutter:.2f} deg RMS'}"
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 import sys
@@ -27,11 +26,13 @@ def test_a_process_that_is_killed_while_it_hands_over_fails_its_task_and_no_othe
     for _ in range(6):
         executor = Processes(2)
         try:
+            begun: set[int] = set()
+            while len(begun) < 2:  # one that is killed before it has begun is another matter
+                begun |= {task.result(timeout=60) for task in [executor.submit(os.getpid) for _ in range(4)]}
             futures = [executor.submit(_large, i) for i in range(TASKS)]
             futures[3].result(timeout=60)
-            workers = [process.pid for process in multiprocessing.active_children()]
             time.sleep(rng.uniform(0.0, 0.02))
-            os.kill(int(rng.choice([pid for pid in workers if pid is not None])), signal.SIGKILL)
+            os.kill(int(rng.choice(sorted(begun))), signal.SIGKILL)
             done, left = wait(futures, timeout=60)
             assert not left
             errors = [future.exception() for future in done if future.exception() is not None]

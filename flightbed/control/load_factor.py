@@ -52,6 +52,7 @@ class PitchPoint:
         b: (2,), per rad of elevator.
         c: (2,), g per rad and per rad/s.
         d: g per rad of elevator.
+        level: whether the aircraft flies level there; else it is a push-over, whose gains nobody should fly with.
 
     """
 
@@ -60,6 +61,7 @@ class PitchPoint:
     b: Array
     c: Array
     d: float
+    level: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +123,12 @@ def dynamic_pressure_pa(measurement: Measurement) -> float:
 
 
 def design_gains(point: PitchPoint, poles: Sequence[complex] = POLES) -> tuple[float, float, float, float]:
-    """Place the poles of (alpha, q, integral of the error), the actuator left out: the feedbacks of Kemp S 6.1.
+    """Place the poles of (alpha, q, integral of the error): the feedbacks of Kemp S 6.1.
 
     That u also feeds the error itself is free: its gain puts the zero of the reference on the fastest pole, so that the others answer.
+
+    Left out are the actuator and what the elevator's own lift does through the error's gain, error d u, which is a loop within a tick:
+    solving for it as well asks for gains that use up the elevator's rate. ``closed_loop_poles`` has the poles with both.
 
     Raises:
         DesignError: the model does not admit it, or there are not three poles.
@@ -142,8 +147,23 @@ def design_gains(point: PitchPoint, poles: Sequence[complex] = POLES) -> tuple[f
     return -alpha + error * float(point.c[0]), -q + error * float(point.c[1]), error, integral
 
 
+def closed_loop_poles(
+    point: PitchPoint, gains: tuple[float, float, float, float], *, actuator_rad_s: float
+) -> npt.NDArray[np.complex128]:
+    """Return the poles of (alpha, q, actuator, integral) with these gains, the elevator's lift in what is fed back; rad/s, (4,)."""
+    alpha, q, error, integral = gains
+    A = np.zeros((4, 4))
+    A[:2, :2], A[:2, 2] = point.A, point.b
+    A[2] = actuator_rad_s * np.array(
+        [alpha - error * point.c[0], q - error * point.c[1], -error * point.d - 1.0, integral]
+    )
+    A[3, :3] = -point.c[0], -point.c[1], -point.d
+    return np.asarray(np.linalg.eigvals(A), dtype=np.complex128)
+
+
 def gain_table(points: Sequence[PitchPoint], poles: Sequence[complex] = POLES) -> GainTable:
-    """Design at every point. Raises DesignError."""
+    """Design at every point at which the aircraft flies level; beyond the last of them its gains are held. Raises DesignError."""
+    points = [point for point in points if point.level]
     return GainTable(
         np.array([point.dynamic_pressure_pa for point in points]), np.array([design_gains(p, poles) for p in points])
     )

@@ -94,7 +94,7 @@ class NzAdaptive:
             self._begun = True
         low, high = self._stops
         u = self._placement.demand(x, -increment_ref_g - y, (low + damping, high + damping))
-        self._u = self._keep * self._u + (1.0 - self._keep) * u
+        self._u = min(max(self._keep * self._u + (1.0 - self._keep) * u, low + damping), high + damping)
         return self._u - damping
 
     def damping(self, measurement: Measurement) -> float:

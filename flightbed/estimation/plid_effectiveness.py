@@ -34,7 +34,7 @@ class PlidEffectivenessConfig:
         form, dtype: of the filter, see ``plid``.
         block_fade: of its parameters; the thesis has 1.001, with which the readings of before a failure count for 10 s.
         q_disturbance_rad_s2: process noise, a pitch acceleration held for a tick.
-        denominator_std: with which a_0 and a_1 are known before the flight; 0.003 is a damping that is off by 0.3 1/s, at 100 Hz.
+        damping_std_1_s: with which a_0 and a_1 are known before the flight, as the error of a damping: over the rate it is theirs.
         washout_rad_s: of the band pass through which pitch rate and elevator both go: trims and what a failure makes of them
             are kept out, as PLID has no constant input.
         filter_rad_s, filter_damping: of its upper end, w^2/(s^2 + 2 z w s + w^2).
@@ -47,7 +47,7 @@ class PlidEffectivenessConfig:
     dtype: Literal["float64", "float32"] = "float64"
     block_fade: float = 1.01
     q_disturbance_rad_s2: float = 0.005
-    denominator_std: float = 0.003
+    damping_std_1_s: float = 0.3
     washout_rad_s: float = 0.5
     filter_rad_s: float = 20.0
     filter_damping: float = 0.8
@@ -170,7 +170,7 @@ class PlidEffectiveness:
         spread = config.prior_effectiveness_var * healthy**2
         left = np.convolve(self._impulse(), [1.0, -denominator[1], -denominator[0]])
         let_in = 0.5 * float(left @ left) * self._noise_var
-        known = (config.denominator_std**2,) * 2
+        known = ((config.damping_std_1_s / self._hz) ** 2,) * 2
         return Plid(
             PlidConfig(
                 order=2,
