@@ -50,6 +50,12 @@ _BUILT_IN = MappingProxyType(
             "sillence": "flightbed.studies.sillence.study:sillence",
             "wu": "flightbed.studies.wu.study:wu",
         },
+        "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls", "two-stage": "two_stage"},
+        "studies": {
+            "gupta": "flightbed.studies.gupta.study:gupta",
+            "sillence": "flightbed.studies.sillence.study:sillence",
+            "wu": "flightbed.studies.wu.study:wu",
+        },
     }
 )
 

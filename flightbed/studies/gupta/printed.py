@@ -1,0 +1,43 @@
+"""What Gupta et al. (2012) print of their examples, section V, and what they leave open; nothing here is computed."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import NamedTuple
+
+AMPLITUDE, RAD_PER_SAMPLE = 0.6, 0.2  # u(k) = 0.6 sin(0.2 k), all examples but the third
+MASS_KG, DAMPING, STIFFNESS = 1.0, 5.0, 2.0  # kg, N s/m, N/m
+BELIEVED_3, BELIEVED_4 = 3.0, (4.0, 10.0)  # initial damping of examples 3 and 4, N s/m
+K_OPT = (-2.0740, 11.7514, -119.0269)  # (73): gains on A_z (g), q (rad/s), fin (rad); fin rate in rad/s
+
+
+class Settings(NamedTuple):
+    """What is printed for an example.
+
+    Attributes:
+        order: n_c.
+        initial_covariance: of P(0), times the identity.
+        regularization: eta_0.
+        period_s: T_s; None where it is not printed.
+        converges: what the text and its figures are shown for.
+
+    """
+
+    order: int
+    initial_covariance: float
+    regularization: float
+    period_s: float | None
+    converges: str
+
+
+SETTINGS = MappingProxyType(
+    {
+        "1": Settings(15, 0.1, 0.01, 1.0, "input and states, though unstable and nonminimum-phase"),
+        "2": Settings(10, 1.0, 0.0, 1.0, "input and states"),
+        "3": Settings(1, 1.0, 0.0, 0.1, "states and damping"),
+        "4": Settings(5, 1.0, 0.0, 0.1, "the input, if the damping is near"),
+        "5": Settings(5, 1.0, 0.0, None, "input and states"),
+    }
+)
+
+# Not printed: how long, initial states, lambda, which of its three rules eta follows in example 1, example 5's aerodynamics and period.
