@@ -45,12 +45,13 @@ _BUILT_IN = MappingProxyType(
             "rate-limit": "rate_limit",
             "bias": "bias",
         },
-        "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls", "two-stage": "two_stage"},
-        "studies": {
-            "sillence": "flightbed.studies.sillence.study:sillence",
-            "wu": "flightbed.studies.wu.study:wu",
+        "estimators": {
+            "loop-gain": "loop_gain",
+            "differentiated-rls": "differentiated_rls",
+            "two-stage": "two_stage",
+            "retrospective-cost": "flightbed.reconstructions:retrospective_cost",
+            "input-kalman": "flightbed.reconstructions:input_kalman",
         },
-        "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls", "two-stage": "two_stage"},
         "studies": {
             "gupta": "flightbed.studies.gupta.study:gupta",
             "sillence": "flightbed.studies.sillence.study:sillence",
