@@ -45,7 +45,13 @@ _BUILT_IN = MappingProxyType(
             "rate-limit": "rate_limit",
             "bias": "bias",
         },
-        "estimators": {"loop-gain": "loop_gain", "differentiated-rls": "differentiated_rls", "two-stage": "two_stage"},
+        "estimators": {
+            "loop-gain": "loop_gain",
+            "differentiated-rls": "differentiated_rls",
+            "two-stage": "two_stage",
+            "retrospective-cost": "flightbed.reconstructions:retrospective_cost",
+            "input-kalman": "flightbed.reconstructions:input_kalman",
+        },
         "studies": {
             "gupta": "flightbed.studies.gupta.study:gupta",
             "kemp": "flightbed.studies.kemp.study:kemp",

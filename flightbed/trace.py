@@ -75,6 +75,14 @@ _ESTIMATED = {
     "innovation_alpha_std_deg": ("innovation_alpha_std_rad", 1 / DEG),
     "innovation_q_std_deg_s": ("innovation_q_std_rad_s", 1 / DEG),
 }
+# Of estimators that reconstruct an input; the others have no such columns.
+_RECONSTRUCTED = {
+    "reconstructed_deg": ("reconstructed_rad", 1 / DEG),
+    "reconstructed_std_deg": ("reconstructed_std_rad", 1 / DEG),
+    "offset_deg": ("offset_rad", 1 / DEG),
+    "offset_std_deg": ("offset_std_rad", 1 / DEG),
+    "verdict": ("verdict", 1.0),
+}
 # Of a flight whose aileron and rudder are commanded, after all others.
 _LATERAL_FIELDS = (
     *(name for name in LateralSample._fields if name not in ("truth", "measurement")),
@@ -226,6 +234,8 @@ def from_rows(rows: Vector, *, estimators: Sequence[str], control_hz: int, later
     columns: dict[str, Vector] = {"t_s": rows[:, 0] / control_hz}
     offset = 0
     for prefix, wanted, fields in groups:
+        if wanted is _ESTIMATED and np.isfinite(rows[:, offset + fields.index("reconstructed_rad")]).any():
+            wanted = {**wanted, **_RECONSTRUCTED}
         for column, (field, factor) in wanted.items():
             columns[prefix + column] = rows[:, offset + fields.index(field)] * factor
         offset += len(fields)

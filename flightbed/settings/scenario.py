@@ -154,12 +154,14 @@ class ProcessNoise(Settings):
 
 
 class GustSettings(Settings):
-    """Vertical air, up positive, that rises to its peak as 1-cos from at_s on, holds, and falls as it rose."""
+    """Vertical air, up positive: rises to its peak as 1-cos from at_s on, holds, and falls as it rose; or a sine from at_s on."""
 
+    shape: Literal["1-cos", "sine"] = "1-cos"
     at_s: NonNegative
     up_fps: Annotated[float, between(-500, 500)]
-    rise_s: Positive
+    rise_s: Positive = 0.1
     hold_s: NonNegative = 0.0
+    frequency_hz: Positive = 1.0
 
 
 class Failure(OwnSettings):
@@ -292,6 +294,15 @@ class EstimatorSettings(OwnSettings):
     variance_max: Positive = 1.0
     walk_std: NonNegative = 1e-4
     false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-6
+    unknown: Literal["elevator", "gust"] = "elevator"
+    order: Annotated[int, between(1, 20)] = 4
+    horizon: Annotated[int, between(1, 20)] = 6
+    regularization: NonNegative = 1.0
+    initial_covariance: Positive = 0.01
+    input_forgetting: Annotated[float, between(0.5, 1)] = 1.0
+    saturation_deg: Positive = 30.0
+    input_step_deg: Positive = 0.1
+    offset_deg: NonNegative = 0.3
     prior: Prior = Prior()
 
     @model_validator(mode="before")
