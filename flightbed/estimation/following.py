@@ -49,7 +49,7 @@ class FollowingConfig:
     prior_effectiveness_std: float = 0.63
     smoothing: float = 0.9
     bounds: tuple[float, float] = (0.0, 1.0)
-    window: int = 30
+    window: int = 45
     false_alarm: float = 1e-6
     offset_rad: float = 0.3 * DEG
     follow_disturbances: bool = True
@@ -75,13 +75,13 @@ class FollowingConfig:
         return float(norm.isf(sqrt(self.false_alarm / 2.0)))
 
 
-def packed(config: FollowingConfig) -> Array:
-    """Return the settings as ``follow`` takes them."""
+def packed(config: FollowingConfig, elevator_std_rad: float) -> Array:
+    """Return the settings as ``follow`` takes them; the second is the noise of the position feedback."""
     follows = 1.0 if config.follow_disturbances else 0.0
     return np.array(
         [
             config.forgetting, config.prior_effectiveness, config.prior_effectiveness_std**2, config.smoothing, *config.bounds,
-            float(config.window), config.threshold, config.offset_rad / DEG, follows,
+            float(config.window), config.threshold, config.offset_rad / DEG, follows, (elevator_std_rad / DEG) ** 2,
         ]
     )  # fmt: skip
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import NamedTuple
 
+import numpy as np
+
 from flightbed.compiling import Array, compiled
 
 STAGGERED = 3  # windows that are open at a time, begun one after the other
@@ -122,6 +124,8 @@ def _judge(memory: Following, settings: Array, m: int) -> None:
             sign = 1.0 if o > 0.0 else -1.0
         within = abs(o) + settings[7] * std < 2.0 * settings[8]
     which = _BESIDE if m <= STAGGERED else _ACTUATOR
+    if which == _ACTUATOR and (marks[_BESIDE] > 0.0 or said[m - STAGGERED] != 0.0):
+        sign = 0.0  # what does not follow the position follows no command either
     if within:
         marks[which] = 0.0
     elif sign != 0.0 and sign == said[m] and marks[which] == 0.0:
@@ -138,8 +142,8 @@ def follow(
     """Take one tick of a reconstruction.
 
     Args:
-        response, noise, cross, spread, sums, ages, said, marks: the fields of ``Following``, carried on; one by one, because a tuple of arrays
-            costs the way into compiled code as much as the tick does.
+        response, noise, cross, spread, sums, ages, said, marks: the fields of ``Following``, carried on; one by one, because a tuple
+            of arrays costs the way into compiled code as much as the tick does.
         settings: as ``packed``.
         F, G: (n, n), (n, 2): the filter's error at this tick -> at the next, without the input of the period that begins; from the
             sensors' errors. Its component ``OUT`` is then u^.
@@ -166,6 +170,9 @@ def follow(
     noise[:, :] = F @ noise @ F.T + G @ G.T
     noise[0, 0] += Q[0]
     noise[1, 1] += Q[1]
+    noise[:2, :2] += settings[10] * np.outer(
+        B, B
+    )  # an error of the measured deflection moves what it explains by at most b (K = 1)
     cross[:, :] = F @ cross
     n_var, one = max(noise[OUT, OUT], 0.0), response[OUT, 2]
     for m in range(count):

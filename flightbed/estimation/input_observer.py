@@ -121,11 +121,8 @@ class InputKalmanFilter:
         self._Q[:n, :n], self._Q[n:, n:] = process, dynamics.Q
         self._P[:n, :n], self._P[n:, n:] = state_covariance, dynamics.P0
         self._x = np.append(np.zeros(n) if state is None else state, np.zeros(size))
-        self._gain, self._C, self._F = (
-            np.zeros((n + size, model.outputs)),
-            np.zeros((model.outputs, n + size)),
-            np.zeros((n + size, n + size)),
-        )
+        self._gain, self._C = np.zeros((n + size, model.outputs)), np.zeros((model.outputs, n + size))
+        self._F = np.zeros((n + size, n + size))
         self._F[n:, n:] = dynamics.S
 
     @property
@@ -133,13 +130,8 @@ class InputKalmanFilter:
         """Return a copy of the gain (n + l, p) of the last correction of (x, s); zeros before the first."""
         return self._gain.copy()
 
-    def update(
-        self, y: Array, known: Array | None = None, *, model: InputModel | None = None, process: Array | None = None
-    ) -> InputEstimate:
-        """Take the output of the next sample; arguments as ``RetrospectiveCost.update``.
-
-        ``process`` (n, n) is the covariance of what else moves the state in the period that begins, if it is not the one given at first.
-        """
+    def update(self, y: Array, known: Array | None = None, *, model: InputModel | None = None) -> InputEstimate:
+        """Take the output of the next sample; arguments as ``RetrospectiveCost.update``."""
         model, d = self._model if model is None else model, self._dynamics
         n = model.states
         C, F = self._C, self._F
@@ -149,8 +141,6 @@ class InputKalmanFilter:
         self._x = F @ x
         self._x[:n] += model.known_part(known)
         self._P = F @ P @ F.T + self._Q
-        if process is not None:
-            self._P[:n, :n] += process - self._Q[:n, :n]
         std = np.sqrt(np.maximum(np.diag(d.H @ P[n:, n:] @ d.H.T), 0.0))
         return InputEstimate(d.H @ x[n:], std, x[:n], innovation)
 

@@ -136,10 +136,10 @@ class ElevatorReconstruction:
         self._Q = disturbed**2
         self._method: Method
         if isinstance(config.method, WalkSettings):
-            self._method = ByRandomWalk(config.method)
+            self._method = ByRandomWalk(config.method, self._Q)
         else:
             self._method = ByRetrospectiveCost(config.method.config(DEG))
-        self._settings = following.packed(config.following)
+        self._settings = following.packed(config.following, noise.elevator_rad)
         self._window = config.following.window
         self._actuator = (
             ActuatorOnBoard(onboard.actuator, onboard.control_hz, onboard.delay_ticks) if onboard.actuator else None
@@ -148,6 +148,9 @@ class ElevatorReconstruction:
         self._anew(config)
         for _ in range(2):  # compile, or load what was compiled, now and not in flight
             self.update(Measurement(0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0))
+        assert self._before is not None
+        self._rough.found(self._before, 0.0, np.zeros(2))
+        reopen(self._memory, self._window)
         self._anew(config)
 
     def _anew(self, config: ReconstructionConfig) -> None:
@@ -179,10 +182,10 @@ class ElevatorReconstruction:
         else:
             self._rough.at(y)
         self._before, self._tick = model, self._tick + 1
-        found = self._method.take(model, y, process)
+        found = self._method.take(model, y)
         if not (isfinite(found.input) and np.all(np.abs(found.innovation) < FAR)):
             self._method.begin(model, y)
-            found = self._method.take(model, y, process)
+            found = self._method.take(model, y)
             reopen(self._memory, self._window)
         asked = self._actuator.mean() / DEG if self._actuator is not None else nan
         told = follow(

@@ -97,8 +97,8 @@ class Method(Protocol):
     def begin(self, model: InputModel, y: Array) -> None:
         """Put the model to the readings of a tick."""
 
-    def take(self, model: InputModel, y: Array, process: Array) -> Reconstructed:
-        """Take the readings of the next tick; model and ``process`` (2,), variances of what else moves alpha and q, lead on from it."""
+    def take(self, model: InputModel, y: Array) -> Reconstructed:
+        """Take the readings of the next tick; the model leads on from it."""
 
 
 class ByRetrospectiveCost:
@@ -119,7 +119,7 @@ class ByRetrospectiveCost:
         """Begin anew from the readings."""
         self._cost = RetrospectiveCost(self._config, model, state=y)
 
-    def take(self, model: InputModel, y: Array, process: Array) -> Reconstructed:  # noqa: ARG002
+    def take(self, model: InputModel, y: Array) -> Reconstructed:
         """Take the readings of the next tick; of noise the method knows nothing."""
         assert self._cost is not None
         found = self._cost.update(y, _KNOWN, model=model)
@@ -130,25 +130,31 @@ class ByRetrospectiveCost:
 
 
 class ByRandomWalk:
-    """Reconstruction by a Kalman filter of (x, u); its error's state is (e, u^)."""
+    """Reconstruction by a Kalman filter of (x, u); its error's state is (e, u^).
+
+    Args:
+        settings: of the walk.
+        process: (2,) variances of what else moves alpha and q in a tick.
+
+    """
 
     states = 3
 
-    def __init__(self, settings: WalkSettings) -> None:
+    def __init__(self, settings: WalkSettings, process: Array) -> None:
         walk = random_walk(1, step_std=settings.step_rad / DEG, initial_std=settings.initial_rad / DEG)
-        self._dynamics = walk
+        self._dynamics, self._process = walk, np.diag(process)
         self._filter: InputKalmanFilter | None = None
 
     def begin(self, model: InputModel, y: Array) -> None:
         """Begin anew from the readings."""
         self._filter = InputKalmanFilter(
-            self._dynamics, model, process=np.zeros((2, 2)), noise=np.eye(2), state_covariance=np.eye(2), state=y
+            self._dynamics, model, process=self._process, noise=np.eye(2), state_covariance=np.eye(2), state=y
         )
 
-    def take(self, model: InputModel, y: Array, process: Array) -> Reconstructed:
+    def take(self, model: InputModel, y: Array) -> Reconstructed:
         """Take the readings of the next tick."""
         assert self._filter is not None
-        found = self._filter.update(y, _KNOWN, model=model, process=np.diag(process))
+        found = self._filter.update(y, _KNOWN, model=model)
         gain = self._filter.gain
         ahead = np.eye(3)
         ahead[:2, :2], ahead[:2, 2] = model.A, -model.B[:, 0]

@@ -159,7 +159,7 @@ class GustSettings(Settings):
     shape: Literal["1-cos", "sine"] = "1-cos"
     at_s: NonNegative
     up_fps: Annotated[float, between(-500, 500)]
-    rise_s: Positive = 0.1
+    rise_s: Positive = 1.0
     hold_s: NonNegative = 0.0
     frequency_hz: Positive = 1.0
 
@@ -265,8 +265,14 @@ _BY_MODEL = MappingProxyType(
     }
 )
 
-# And by its kind: the two-stage filter has no window, and its test averages few samples.
-_BY_KIND = MappingProxyType({"two-stage": MappingProxyType({"memory": "variable", "window": 3})})
+# And by its kind: the two-stage filter has no window, and its test averages few samples; the test of a reconstruction takes more.
+_BY_KIND = MappingProxyType(
+    {
+        "two-stage": MappingProxyType({"memory": "variable", "window": 3}),
+        "retrospective-cost": MappingProxyType({"window": 45}),
+        "input-kalman": MappingProxyType({"window": 45}),
+    }
+)
 
 
 class EstimatorSettings(OwnSettings):
