@@ -80,7 +80,7 @@ def seen_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int =
     for name in trace.estimators:
         alarms = trace[f"{name}.alarms"]
         seen += [
-            (int(i), f"'{name}' {_declares(trace, name, i)}")
+            (int(i), f"'{name}' {_declares(trace, name, int(i))}")
             for i in np.flatnonzero(np.diff(alarms, prepend=0.0) > 0.0)
         ]
     for surface, actuator in actuators.items():
