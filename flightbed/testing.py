@@ -315,13 +315,12 @@ def _growth(new: Callable[[], Estimator], readings: Sequence[Measurement], windo
     """Fly on and on; what is kept of every tick shows in the memory of every later part of it."""
     estimator, endless = new(), _endless(readings)
     with found.flying("a long flight"):
-        # Traced from the start: what takes the place of older memory that was not would count as growth.
+        for _ in range(_LONG + window):
+            estimator.update(next(endless))
         was_tracing = tracemalloc.is_tracing()
         if not was_tracing:
             tracemalloc.start()
         try:
-            for _ in range(_LONG + window):
-                estimator.update(next(endless))
             sizes = [_traced()]
             for _ in range(_TIMES):
                 for _ in range(_WATCHED):

@@ -24,7 +24,7 @@ from flightbed.estimation.base import OnBoard
 from flightbed.estimation.input_model import InputModel
 from flightbed.estimation.input_observer import InputKalmanFilter, random_walk
 from flightbed.estimation.reconstruction import FAR, PitchMotion
-from flightbed.estimation.reconstruction_methods import RetrospectiveSettings, WalkSettings
+from flightbed.estimation.reconstruction_methods import NOTHING, RetrospectiveSettings, WalkSettings
 from flightbed.estimation.retrospective_cost import RetrospectiveCost
 from flightbed.signals import Estimate, Measurement
 from flightbed.units import DEG
@@ -83,7 +83,7 @@ class GustReconstruction:
         method, unit, state = self._config.method, float(self._sigma[2]), np.array([y[0], y[1], 0.0])
         if isinstance(method, WalkSettings):
             walk = random_walk(1, step_std=method.step_rad / unit, initial_std=method.step_rad / unit)
-            known = np.diag([1.0, 1.0, 0.0])
+            known = np.diag([NOTHING, NOTHING, 0.0])
             return InputKalmanFilter(
                 walk, model, process=self._process, noise=np.eye(2), state_covariance=known, state=state
             )

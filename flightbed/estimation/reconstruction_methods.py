@@ -18,6 +18,7 @@ from flightbed.estimation.retrospective_cost import RetrospectiveConfig, Retrosp
 from flightbed.units import DEG
 
 _KNOWN = np.ones(1)
+NOTHING = 1e6  # variance of a state of which nothing is known: the first reading, which it is put to besides, counts once, not twice
 
 
 @dataclass(frozen=True)
@@ -113,11 +114,12 @@ class ByRetrospectiveCost:
             self._F[i, i - 1] = 1.0
         for i in range(4 + nc, n):
             self._F[i, i - 2] = 1.0
-        self._F[2 + nc : 4 + nc, :2] = self._G[2 + nc : 4 + nc] = np.eye(2)
+        self._newest = slice(2 + nc, 4 + nc)
 
     def begin(self, model: InputModel, y: Array) -> None:
         """Begin anew from the readings."""
         self._cost = RetrospectiveCost(self._config, model, state=y)
+        self._F[self._newest, :2] = self._G[self._newest] = 0.0  # the first z is 0, whatever the readings' errors
 
     def take(self, model: InputModel, y: Array) -> Reconstructed:
         """Take the readings of the next tick; of noise the method knows nothing."""
@@ -126,7 +128,9 @@ class ByRetrospectiveCost:
         F, theta = self._F, self._cost.gains
         F[:2, :2], F[2, 2:] = model.A, theta[0]
         F[:2, 2:] = -model.B @ theta
-        return Reconstructed(float(found.input[0]), found.state, found.performance, F, self._G)
+        told = Reconstructed(float(found.input[0]), found.state, found.performance, F.copy(), self._G.copy())
+        F[self._newest, :2] = self._G[self._newest] = np.eye(2)
+        return told
 
 
 class ByRandomWalk:
@@ -148,7 +152,7 @@ class ByRandomWalk:
     def begin(self, model: InputModel, y: Array) -> None:
         """Begin anew from the readings."""
         self._filter = InputKalmanFilter(
-            self._dynamics, model, process=self._process, noise=np.eye(2), state_covariance=np.eye(2), state=y
+            self._dynamics, model, process=self._process, noise=np.eye(2), state_covariance=NOTHING * np.eye(2), state=y
         )
 
     def take(self, model: InputModel, y: Array) -> Reconstructed:
