@@ -83,6 +83,7 @@ _RECONSTRUCTED = {
     "offset_std_deg": ("offset_std_rad", 1 / DEG),
     "verdict": ("verdict", 1.0),
 }
+ACTING, GUST_ALPHA = "elevator_acting_deg", "gust_alpha_deg"  # what they are held against, in flights that have one
 # Of a flight whose aileron and rudder are commanded, after all others.
 _LATERAL_FIELDS = (
     *(name for name in LateralSample._fields if name not in ("truth", "measurement")),
@@ -232,11 +233,15 @@ def from_rows(rows: Vector, *, estimators: Sequence[str], control_hz: int, later
     groups += [("", _LATERAL, _LATERAL_FIELDS)] if lateral else []
     rows = rows.reshape(-1, sum(len(fields) for _, _, fields in groups))
     columns: dict[str, Vector] = {"t_s": rows[:, 0] / control_hz}
-    offset = 0
+    offset, reconstructs = 0, False
     for prefix, wanted, fields in groups:
         if wanted is _ESTIMATED and np.isfinite(rows[:, offset + fields.index("reconstructed_rad")]).any():
-            wanted = {**wanted, **_RECONSTRUCTED}
+            wanted, reconstructs = {**wanted, **_RECONSTRUCTED}, True
         for column, (field, factor) in wanted.items():
             columns[prefix + column] = rows[:, offset + fields.index(field)] * factor
         offset += len(fields)
+    if reconstructs:
+        mean = rows[:, LEADING + Truth._fields.index("elevator_mean_rad")] / DEG
+        columns[ACTING] = columns["effectiveness_true"] * mean + columns["elevator_offset_deg"]
+        columns[GUST_ALPHA] = columns["gust_up_fps"] * FT / columns["airspeed_m_s"] / DEG
     return Trace(columns, tuple(estimators))

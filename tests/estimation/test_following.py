@@ -118,9 +118,7 @@ def test_the_variances_of_k_and_offset_are_those_of_the_noise(design: ShortPerio
 def test_nis_is_chi_square_where_k_is_known(design: ShortPeriod, rng: np.random.Generator) -> None:
     model, deflection = _model(design), _moving(4000)
     config = FollowingConfig(forgetting=1.0, prior_effectiveness=0.6, prior_effectiveness_std=1e-6)
-    nis = [
-        told.nis for _, told, _ in _told("walk", model, _readings(model, 0.6 * deflection, rng), deflection, config)
-    ]
+    nis = [told.nis for _, told, _ in _told("walk", model, _readings(model, 0.6 * deflection, rng), deflection, config)]
     # Innovations of a filter that is not optimal for a known input are correlated over its memory, some 15 ticks.
     assert np.mean(nis[100:]) == pytest.approx(2.0, abs=4.0 * np.sqrt(4.0 / (3900 / 15)))
 
@@ -198,9 +196,7 @@ def test_a_verdict_is_taken_back_when_it_holds_no_longer(design: ShortPeriod, rn
     model, deflection = _model(design), _moving(900)
     k = np.arange(900)
     acting = deflection + np.where((k >= 200) & (k < 500), 1.0, 0.0)
-    told = [
-        t for _, t, _ in _told("walk", model, _readings(model, acting, rng), deflection, FollowingConfig())
-    ]
+    told = [t for _, t, _ in _told("walk", model, _readings(model, acting, rng), deflection, FollowingConfig())]
     assert (told[490].verdict, told[-1].verdict, told[-1].alarms) == (kernels.BESIDE, kernels.EXPLAINED, 1.0)
 
 
