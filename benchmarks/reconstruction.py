@@ -38,7 +38,7 @@ NAMES = ("retrospective", "random-walk")
 KINDS = ("retrospective-cost", "input-kalman")
 FULLY = 2  # cases of which all ``runs`` are flown
 FAULTS = ("elevator-stuck", "elevator-floating", "elevator-hardover", "elevator-bias")
-TIMES_S = tuple(4.5 + 0.45 * i for i in range(10))
+TIMES_S = tuple(4.5 + 0.47 * i for i in range(10))  # no multiple of the distance at which windows end, 0.15 s
 BEGINNING_TICKS = 30  # for which an error is not yet counted: the reconstruction has to begin
 ALL = (
     "t_s", "elevator_acting_deg", "effectiveness_true", "scheduled.effectiveness",
