@@ -141,7 +141,7 @@ def healthy(runs: int, executor: Executor | None) -> None:
         "ramp-loss": ("ramp-loss", ()),
         "transonic-loss": ("transonic-loss", ()),
         "structural-damage": ("structural-damage", ()),
-        "C_m_delta 10 % less than believed": ("elevator-loss", ("failures=[]", "model_error.cm_delta=1.1")),
+        "C_m_delta 10 % off": ("elevator-loss", ("failures=[]", "model_error.cm_delta=1.1")),
         "C_m_alpha 10 % off": ("elevator-loss", ("failures=[]", "model_error.cm_alpha=1.1")),
         "c.g. 1 % of the chord aft of where it is believed": ("elevator-loss", ("failures=[]", "model_error.cg_shift_cbar=0.01")),
         "alpha 0.5 deg off": ("elevator-loss", ("failures=[]", "sensors.alpha_bias_deg=0.5")),
