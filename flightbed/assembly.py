@@ -48,7 +48,9 @@ def _assembled(plan: Plan) -> Flight:
     sensors, noise = scenario.sensors, sensor_noise(scenario)
     errors = SensorErrors(sensors.alpha_bias_deg * DEG, sensors.q_bias_deg_s * DEG, sensors.mach_error)
     lateral_noise = _lateral_noise(scenario) if plan.lateral else None
-    onboard = OnBoard(design, noise, control_hz, plan.schedule, plan.lateral, lateral_noise)
+    onboard = OnBoard(
+        design, noise, control_hz, plan.schedule, plan.lateral, lateral_noise, aircraft.actuator, scenario.rates.delay_ticks
+    )  # fmt: skip
     onboard = _mistaken(onboard, scenario.model_error)
     health = factories.failing(scenario)
     estimators = [registry.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators]

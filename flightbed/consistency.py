@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from flightbed import registry
+from flightbed import reconstruction_keys, registry
 from flightbed.command.harmonics import MOST_HARMONICS, harmonics
 from flightbed.errors import did_you_mean
 from flightbed.naming import estimate_name
@@ -75,14 +75,18 @@ _PRIOR = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
 # What a kind of estimator has no use for, whatever its other settings; kinds of installed packages may use any key.
 _ESTIMATOR_IDLE: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "loop-gain": (*_TWO_STAGE_ONLY, *_PLID_ONLY),
+        "loop-gain": (*_TWO_STAGE_ONLY, *_PLID_ONLY, *reconstruction_keys.KEYS),
         "differentiated-rls": (
             *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PLID_ONLY, *_PRIOR, "memory", "window", "alpha_disturbance_deg_s",
-            "q_disturbance_deg_s2",
+            "q_disturbance_deg_s2", *reconstruction_keys.KEYS,
         ),
-        "two-stage": ("input", "input_at", "alarm_threshold", "hold_std", *_PRIOR, "prior.effectiveness", *_PLID_ONLY),
+        "two-stage": (
+            "input", "input_at", "alarm_threshold", "hold_std", *_PRIOR, "prior.effectiveness", *_PLID_ONLY,
+            *reconstruction_keys.KEYS,
+        ),
         "plid": (
             *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PRIOR, "memory", "window", "forgetting", "alpha_disturbance_deg_s",
+            *reconstruction_keys.KEYS,
         ),
     }
 )  # fmt: skip
@@ -114,6 +118,7 @@ def contradictions(scenario: Scenario) -> list[str]:
             if key not in failure.model_fields_set
         ]
     problems += _surface_contradictions(scenario)
+    problems += reconstruction_keys.contradictions(scenario)
     problems += _command_contradictions(scenario.command, hz)
     if scenario.lateral.enabled:
         problems += _command_contradictions(scenario.lateral.roll, hz, "lateral.roll")
@@ -306,6 +311,8 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
         useless = [key for key in _FAILURE_KEYS if key not in used]
         useless += ["surface"] if failure.kind == "cg-shift" else []
         keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
+    for i, gust in enumerate(scenario.gusts):
+        keys |= reconstruction_keys.idle_in_gust(f"gusts.{i}", gust)
     for i, estimator in enumerate(scenario.estimators):
         place = f"estimators.{i}"
         idle_here = _idle_in_estimator(place, estimator, lateral=lateral.enabled)
@@ -325,6 +332,7 @@ def _idle_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: boo
             keys[key] = f"{place}.memory = '{estimator.memory}'"
     if kind == "two-stage" and not lateral:
         keys |= dict.fromkeys(_LATERAL_DISTURBANCES, "lateral.enabled = false")
+    keys |= reconstruction_keys.idle_in_estimator(place, estimator, *_PRIOR, *_PLID_ONLY, *_LATERAL_DISTURBANCES)
     if kind == "loop-gain" and estimator.prior.state == "measurement":
         keys |= {f"prior.{key}": f"{place}.prior.state = 'measurement'" for key in _FIXED_PRIOR}
     return keys

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.aircraft import Actuator
+from flightbed.estimation.following_kernels import ACTUATOR
 from flightbed.loop import DEPARTURE_RAD
 from flightbed.metrics import at_stop, since_s
 from flightbed.pacing import Spell, late_spells
@@ -54,6 +55,8 @@ def _happens(failure: Failure) -> str:
 
 
 def _blows(gust: GustSettings) -> str:
+    if gust.shape == "sine":
+        return f"a harmonic gust of {abs(gust.up_fps):g} ft/s begins, at {gust.frequency_hz:g} Hz"
     rising = f"rising for {gust.rise_s:g} s" + (f", held for {gust.hold_s:g} s" if gust.hold_s else "")
     return f"a gust of {abs(gust.up_fps):g} ft/s {'up' if gust.up_fps >= 0.0 else 'down'}, {rising}"
 
@@ -77,7 +80,7 @@ def seen_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int =
     for name in trace.estimators:
         alarms = trace[f"{name}.alarms"]
         seen += [
-            (int(i), f"'{name}' declares a change of K, to {trace[f'{name}.effectiveness'][i]:.2f}")
+            (int(i), f"'{name}' {_declares(trace, name, int(i))}")
             for i in np.flatnonzero(np.diff(alarms, prepend=0.0) > 0.0)
         ]
     for surface, actuator in actuators.items():
@@ -85,6 +88,15 @@ def seen_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int =
         rising = np.flatnonzero(cut & ~np.concatenate([[False], cut[:-1]]))
         seen += [(int(i), f"{surface} command at its stop") for i in rising]
     return [(float(trace["t_s"][i]), text, False) for i, text in seen if i >= since]
+
+
+def _declares(trace: Trace, name: str, tick: int) -> str:
+    """Return what an alarm at a tick says."""
+    if f"{name}.verdict" not in trace.columns:
+        return f"declares a change of K, to {trace[f'{name}.effectiveness'][tick]:.2f}"
+    if trace[f"{name}.verdict"][tick] == ACTUATOR:
+        return "finds that the elevator does not follow its command"
+    return f"finds what no K explains: {trace[f'{name}.offset_deg'][tick]:+.1f} deg besides the elevator's position"
 
 
 def events(

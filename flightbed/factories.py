@@ -31,7 +31,7 @@ from flightbed.failures.base import Failing, healthy
 from flightbed.failures.effector import biased, damaged, driven, ramped, slowed, weakened
 from flightbed.failures.effector import floating as _floating
 from flightbed.failures.effector import stuck as _stuck
-from flightbed.gusts import Gusts, calm, one_minus_cosine
+from flightbed.gusts import Gusts, calm, one_minus_cosine, sine
 from flightbed.short_period import ShortPeriod
 from flightbed.units import DEG, FT
 
@@ -233,6 +233,9 @@ def gusts(settings: Sequence[s.GustSettings]) -> Gusts:
     """Return the sum of all gusts."""
     air: Gusts = calm
     for gust in settings:
+        if gust.shape == "sine":
+            air = sine(air, at_s=gust.at_s, up_m_s=gust.up_fps * FT, frequency_hz=gust.frequency_hz)
+            continue
         air = one_minus_cosine(air, at_s=gust.at_s, up_m_s=gust.up_fps * FT, rise_s=gust.rise_s, hold_s=gust.hold_s)
     return air
 

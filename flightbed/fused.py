@@ -31,7 +31,7 @@ from flightbed.loop import DEPARTURE_RAD, Flight, not_a_number
 from flightbed.plant import properties
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.sensors import Sensors, readings
-from flightbed.signals import Estimate, Measurement, Truth
+from flightbed.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement, Truth
 from flightbed.trace import LEADING, row_width
 
 # Where what lies in the store. The rows are laid out as trace.row_packer packs them.
@@ -207,6 +207,9 @@ def _store(flight: Flight) -> tuple[Array, int, int]:
         end = int(bounds[-1])
     header[_ERRORS], header[_ROWS] = end, end + flight.sensors.errors.size
     rows = np.zeros((ticks, width))
+    for number in range(count):  # what none of these estimators reconstructs
+        to = _TOLD + number * _FIELDS
+        rows[:, to + _FIELDS - len(NOTHING_RECONSTRUCTED) : to + _FIELDS] = NOTHING_RECONSTRUCTED
     rows[:, 0], rows[:, 1], rows[:, 2] = np.arange(ticks), flight.profile.q_cmd_rad_s, flight.profile.q_ref_rad_s
     _set_up(header, flight)
     header[_WIDTH], header[_ESTIMATORS] = width, count

@@ -1,9 +1,9 @@
-"""Discrete gusts: functions of time that compose, the vertical speed of the air in m/s, up positive; calm air before their start."""
+"""Gusts: functions of time that compose, the vertical speed of the air in m/s, up positive; calm air before their start."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, pi
+from math import cos, pi, sin
 
 Gusts = Callable[[float], float]
 
@@ -36,5 +36,24 @@ def one_minus_cosine(before: Gusts, *, at_s: float, up_m_s: float, rise_s: float
             return before(t_s)
         share = 1.0 if beside <= 0.0 else 0.5 * (1.0 + cos(pi * beside / rise_s))
         return before(t_s) + up_m_s * share
+
+    return gusts
+
+
+def sine(before: Gusts, *, at_s: float, up_m_s: float, frequency_hz: float) -> Gusts:
+    """Add to the air so far a harmonic gust that begins with a rise and goes on to the end of the flight.
+
+    Args:
+        before: the air so far.
+        at_s: time at which it begins, s.
+        up_m_s: its amplitude, m/s.
+        frequency_hz: its frequency as the aircraft meets it, Hz.
+
+    """
+
+    def gusts(t_s: float) -> float:
+        if t_s <= at_s:
+            return before(t_s)
+        return before(t_s) + up_m_s * sin(2.0 * pi * frequency_hz * (t_s - at_s))
 
     return gusts

@@ -12,7 +12,7 @@ from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
 from flightbed.control.redesign import Redesign
 from flightbed.errors import EstimateError
-from flightbed.estimation.base import Estimator, SurfacesEstimator, estimate_names
+from flightbed.estimation.base import Commanded, Estimator, SurfacesEstimator, estimate_names
 from flightbed.failures.base import Failing
 from flightbed.lateral import LateralAxes
 from flightbed.load_factor import LoadFactorAxis
@@ -91,6 +91,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
     tellers = [teller(estimator) for estimator in flight.estimators] if axes is not None else []
     updates = [e.update for e in flight.estimators if not isinstance(e, SurfacesEstimator)] if axes is None else []
     only = updates[0] if len(updates) == 1 else None
+    listeners = [e.commanded for e in flight.estimators if isinstance(e, Commanded)]
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
     hold, floor, following, believed = False, flight.floor_m, health_at(0), 1.0
     alpha_trim, oracle, corrected, which = (
@@ -134,6 +135,8 @@ def fly(flight: Flight) -> Iterator[Sample]:
         demand = demand_of(felt, q_ref_rad_s=reference, elevator_rad=feedback, hold=hold)
         command = command_of(demand, believed)
         hold = command != demand / believed
+        for listen in listeners:
+            listen(command)
 
         if axes is not None and lateral is not None:
             lateral = axes.decide(lateral, estimates, tick)

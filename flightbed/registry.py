@@ -57,6 +57,8 @@ _BUILT_IN = MappingProxyType(
             "differentiated-rls": "differentiated_rls",
             "two-stage": "two_stage",
             "plid": "flightbed.kemp_factories:plid",
+            "retrospective-cost": "flightbed.reconstructions:retrospective_cost",
+            "input-kalman": "flightbed.reconstructions:input_kalman",
         },
         "studies": {
             "gupta": "flightbed.studies.gupta.study:gupta",

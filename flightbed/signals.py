@@ -178,9 +178,14 @@ class Estimate(NamedTuple):
         alpha_rad, q_rad_s: the state.
         nis: normalized innovation squared; chi-square with as many degrees of freedom as measurements (2) if the model holds; nan where
             there is no innovation.
-        alarms: how many changes of K have been declared so far.
+        alarms: how many changes of K have been declared so far; of an estimator that reconstructs, how often what no K explains.
         innovation_alpha_rad, innovation_q_rad_s: readings less what the estimator had predicted of them, and their standard deviations
             as it believes them; nan for an estimator that does not predict them, 0 at tick 0.
+        reconstructed_rad: what an unknown input is found to be; of an elevator the deflection that acts, K times position and all that is
+            beside it; of a gust the angle of attack that it adds. nan, as all that follows, for an estimator that reconstructs none.
+        reconstructed_std_rad: its standard deviation by the sensors' noise; how fast it follows is not in it.
+        offset_rad, offset_std_rad: deflection that acts beside K times position, and its standard deviation.
+        verdict: 0 if K explains what acts; 1 if what acts does not follow the position, 2 if it does not follow the command.
 
     """
 
@@ -196,6 +201,14 @@ class Estimate(NamedTuple):
     innovation_q_rad_s: float = nan
     innovation_alpha_std_rad: float = nan
     innovation_q_std_rad_s: float = nan
+    reconstructed_rad: float = nan
+    reconstructed_std_rad: float = nan
+    offset_rad: float = nan
+    offset_std_rad: float = nan
+    verdict: float = nan
+
+
+NOTHING_RECONSTRUCTED = (nan,) * 5  # the last fields of an Estimate that reconstructs no input
 
 
 class LoadFactorSample(NamedTuple):

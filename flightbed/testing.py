@@ -34,7 +34,7 @@ from flightbed.extension import using
 from flightbed.plan import Plan, plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import EstimatorSettings
-from flightbed.signals import Estimate, Measurement
+from flightbed.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.trial import FAILS_AT, beyond, readings_of_flights
 
 Factory = Callable[[EstimatorSettings, OnBoard], Estimator]
@@ -67,7 +67,8 @@ class Checked:
 
 
 _INNOVATIONS = tuple(name for name in Estimate._fields if name.startswith("innovation_"))
-_MAY_BE_NAN = {"nis", *_INNOVATIONS}
+_RECONSTRUCTED = Estimate._fields[-len(NOTHING_RECONSTRUCTED) :]
+_MAY_BE_NAN = {"nis", *_INNOVATIONS, *_RECONSTRUCTED}
 _NOT_NEGATIVE = ("effectiveness_std", "nis", *(name for name in _INNOVATIONS if "_std_" in name))
 
 

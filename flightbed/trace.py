@@ -85,6 +85,15 @@ _ESTIMATED = {
     "innovation_alpha_std_deg": ("innovation_alpha_std_rad", 1 / DEG),
     "innovation_q_std_deg_s": ("innovation_q_std_rad_s", 1 / DEG),
 }
+# Of estimators that reconstruct an input; the others have no such columns.
+_RECONSTRUCTED = {
+    "reconstructed_deg": ("reconstructed_rad", 1 / DEG),
+    "reconstructed_std_deg": ("reconstructed_std_rad", 1 / DEG),
+    "offset_deg": ("offset_rad", 1 / DEG),
+    "offset_std_deg": ("offset_std_rad", 1 / DEG),
+    "verdict": ("verdict", 1.0),
+}
+ACTING, GUST_ALPHA = "elevator_acting_deg", "gust_alpha_deg"  # what they are held against, in flights that have one
 # Of a flight whose aileron and rudder are commanded, after all others.
 _LATERAL_FIELDS = (
     *(name for name in LateralSample._fields if name not in ("truth", "measurement")),
@@ -250,9 +259,15 @@ def from_rows(
     groups += [("", _LOAD_FACTOR, LoadFactorSample._fields)] if load_factor else []
     rows = rows.reshape(-1, sum(len(fields) for _, _, fields in groups))
     columns: dict[str, Vector] = {"t_s": rows[:, 0] / control_hz}
-    offset = 0
+    offset, reconstructs = 0, False
     for prefix, wanted, fields in groups:
+        if wanted is _ESTIMATED and np.isfinite(rows[:, offset + fields.index("reconstructed_rad")]).any():
+            wanted, reconstructs = {**wanted, **_RECONSTRUCTED}, True
         for column, (field, factor) in wanted.items():
             columns[prefix + column] = rows[:, offset + fields.index(field)] * factor
         offset += len(fields)
+    if reconstructs:
+        mean = rows[:, LEADING + Truth._fields.index("elevator_mean_rad")] / DEG
+        columns[ACTING] = columns["effectiveness_true"] * mean + columns["elevator_offset_deg"]
+        columns[GUST_ALPHA] = columns["gust_up_fps"] * FT / columns["airspeed_m_s"] / DEG
     return Trace(columns, tuple(estimators))

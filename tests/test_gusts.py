@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flightbed.gusts import calm, one_minus_cosine
+from flightbed.gusts import calm, one_minus_cosine, sine
 
 
 @given(at=st.floats(0, 20), up=st.floats(-50, 50), rise=st.floats(0.01, 5), hold=st.floats(0, 5))
@@ -33,3 +33,12 @@ def test_gusts_add_up() -> None:
     one = one_minus_cosine(calm, at_s=1.0, up_m_s=3.0, rise_s=0.5, hold_s=2.0)
     two = one_minus_cosine(one, at_s=2.0, up_m_s=-5.0, rise_s=0.25, hold_s=0.0)
     assert [two(t) for t in (0.9, 1.5, 2.0, 2.25, 2.5, 3.5, 4.1)] == pytest.approx([0, 3, 3, -2, 3, 3, 0])
+
+
+@given(at=st.floats(0, 20), up=st.floats(-50, 50), hz=st.floats(0.05, 5), turn=st.floats(0, 30))
+def test_a_harmonic_gust_begins_with_a_rise_and_goes_on(at: float, up: float, hz: float, turn: float) -> None:
+    gust = sine(calm, at_s=at, up_m_s=up, frequency_hz=hz)
+    assert [gust(0.0), gust(at)] == [0.0, 0.0]
+    assert gust(at + turn / hz) == pytest.approx(up * np.sin(2.0 * np.pi * turn), abs=1e-9)
+    assert gust(at + 0.01 / hz) * up >= 0.0
+    assert sine(gust, at_s=at, up_m_s=-up, frequency_hz=hz)(at + turn) == pytest.approx(0.0, abs=1e-12)

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flightbed import registry
+from flightbed import reconstruction_keys, registry
 from flightbed.card import kept_pace, run_card
 from flightbed.event_log import events
 from flightbed.mission import run
@@ -263,27 +263,32 @@ def test_the_command_line_tells_how_well_the_pace_was_kept(tmp_path: Path) -> No
     assert "real time" not in flightbed(*(a for a in short if a != "--realtime"), cwd=tmp_path).stdout
 
 
-@pytest.mark.parametrize("kind", registry.names("estimators"))
-def test_nothing_is_compiled_in_flight(kind: str) -> None:
+GUSTS = [(kind, ',unknown="gust"') for kind in reconstruction_keys.KINDS]
+
+
+@pytest.mark.parametrize(("kind", "more"), [*((kind, "") for kind in registry.names("estimators")), *GUSTS])
+def test_nothing_is_compiled_in_flight(kind: str, more: str) -> None:
     """In a process of its own, where no other estimator has compiled anything: a first compilation takes seconds."""
     code = (
         "import sys, flightbed\n"
-        "from flightbed.estimation import kernels, loop_gain, pitch_model, rls, surfaces, surfaces_model, two_stage\n"
+        "from flightbed.estimation import following_kernels, input_observer, kernels, loop_gain, pitch_model, retrospective_kernels, rls, surfaces\n"
+        "from flightbed.estimation import surfaces_model, two_stage\n"
+        "MODULES = (following_kernels, input_observer, kernels, loop_gain, pitch_model, retrospective_kernels, rls, surfaces, surfaces_model, two_stage)\n"
         "from flightbed.mission import assemble, plan\n"
         "from flightbed.loop import fly\n"
         "def compiled():\n"
-        "    made = {f'{m.__name__}.{n}': len(f.signatures) for m in (kernels, loop_gain, pitch_model, rls, surfaces, surfaces_model, two_stage) for n, f in vars(m).items()\n"
+        "    made = {f'{m.__name__}.{n}': len(f.signatures) for m in MODULES for n, f in vars(m).items()\n"
         "            if hasattr(f, 'signatures')}\n"
         "    assert made\n"
         "    return made\n"
-        "one = ['duration_s=0.5', 'estimators=[{name=\"scheduled\",kind=\"' + sys.argv[1] + '\"}]']\n"
+        "one = ['duration_s=0.8', 'adaptation.enabled=false', 'estimators=[{name=\"scheduled\",kind=\"' + sys.argv[1] + '\"' + sys.argv[2] + '}]']\n"
         "flight = assemble(plan(flightbed.load_scenario('nominal', one)))\n"
         "before = compiled()\n"
-        "assert len(list(fly(flight))) == 50\n"
+        "assert len(list(fly(flight))) == 80\n"
         "assert compiled() == before, (before, compiled())\n"
     )
     environment = {key: value for key, value in os.environ.items() if key != "FLIGHTBED_PLAIN"}
     done = subprocess.run(
-        [sys.executable, "-c", code, kind], check=False, capture_output=True, text=True, env=environment
+        [sys.executable, "-c", code, kind, more], check=False, capture_output=True, text=True, env=environment
     )
     assert done.returncode == 0, done.stderr

@@ -71,7 +71,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("duration_s=16.505", f"{FILE}: duration_s: must be a whole number of ticks of 1/100 s (got 16.505)"),
         ("duration_s=0", "--set duration_s: must be above 0 and at most 36000 (got 0)"),
         ("duration_s=nan", "--set duration_s: must be finite (got nan)"),
-        ("estimators.0.kind=loopgain", "--set estimators.0.kind: unknown estimator; did you mean loop-gain?; known: differentiated-rls, loop-gain, plid, two-stage (got 'loopgain')"),
+        ("estimators.0.kind=loopgain", "--set estimators.0.kind: unknown estimator; did you mean loop-gain?; known: differentiated-rls, input-kalman, loop-gain, plid, retrospective-cost, two-stage (got 'loopgain')"),
         ("estimators.0.model=schedule", "--set estimators.0.model: must be 'scheduled' or 'short-period' (got 'schedule')"),
         ("estimators.0.input=deviation", f"{FILE}: estimators.0.input: must be 'absolute' with model = 'scheduled', which knows no trim (got 'deviation')"),
         ("failures.0.over_s=3", "--set failures.0.over_s: has no effect with failures.0.kind = 'effectiveness'"),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from flightbed.aircraft import Actuator
 from flightbed.lateral_directional import LateralDirectional
 from flightbed.naming import estimate_name
 from flightbed.schedule import Schedule
@@ -23,6 +24,14 @@ class Estimator(Protocol):
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate at that tick."""
+
+
+@runtime_checkable
+class Commanded(Protocol):
+    """An estimator that is told, besides, what the elevator is asked to do."""
+
+    def commanded(self, elevator_cmd_rad: float) -> None:
+        """Take the command of a tick, after the law has given it: it acts over the period that begins."""
 
 
 @runtime_checkable
@@ -57,6 +66,8 @@ class OnBoard:
         schedule: pitch model over the envelope; None if no estimator of the flight asks for it.
         lateral: model of roll and yaw at the trim point; None in a flight that leaves them to the plant.
         lateral_noise: standard deviations of its sensors.
+        actuator: what the elevator's actuator should make of a command; None if nobody asks.
+        delay_ticks: between a command and the actuator.
 
     """
 
@@ -66,3 +77,5 @@ class OnBoard:
     schedule: Schedule | None = None
     lateral: LateralDirectional | None = None
     lateral_noise: LateralNoise | None = None
+    actuator: Actuator | None = None
+    delay_ticks: int = 0

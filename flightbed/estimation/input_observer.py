@@ -83,12 +83,13 @@ def harmonic(inputs: int, rad_per_sample: float, *, step_std: float, initial_std
 
 
 @compiled
-def _correct(x: Array, P: Array, C: Array, R: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Return state, covariance (Joseph's form) and innovation after an output."""
+def _correct(x: Array, P: Array, C: Array, R: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+    """Return state, covariance (Joseph's form), innovation and gain after an output."""
     e = y - C @ x
     gain = np.linalg.solve(C @ P @ C.T + R, C @ P).T
     left = np.eye(x.size) - gain @ C
-    return x + gain @ e, left @ P @ left.T + gain @ R @ gain.T, e
+    corrected: tuple[Array, Array, Array, Array] = x + gain @ e, left @ P @ left.T + gain @ R @ gain.T, e, gain  # type: ignore[assignment]
+    return corrected
 
 
 class InputKalmanFilter:
@@ -120,15 +121,23 @@ class InputKalmanFilter:
         self._Q[:n, :n], self._Q[n:, n:] = process, dynamics.Q
         self._P[:n, :n], self._P[n:, n:] = state_covariance, dynamics.P0
         self._x = np.append(np.zeros(n) if state is None else state, np.zeros(size))
+        self._gain, self._C = np.zeros((n + size, model.outputs)), np.zeros((model.outputs, n + size))
+        self._F = np.zeros((n + size, n + size))
+        self._F[n:, n:] = dynamics.S
+
+    @property
+    def gain(self) -> Array:
+        """Return a copy of the gain (n + l, p) of the last correction of (x, s); zeros before the first."""
+        return self._gain.copy()
 
     def update(self, y: Array, known: Array | None = None, *, model: InputModel | None = None) -> InputEstimate:
         """Take the output of the next sample; arguments as ``RetrospectiveCost.update``."""
         model, d = self._model if model is None else model, self._dynamics
-        n, size = model.states, d.S.shape[0]
-        C = np.hstack([model.C, np.zeros((model.outputs, size))])
+        n = model.states
+        C, F = self._C, self._F
+        C[:, :n], F[:n, :n], F[:n, n:] = model.C, model.A, model.B @ d.H
         y = np.atleast_1d(np.asarray(y, dtype=np.float64))
-        x, P, innovation = _correct(self._x, self._P, C, self._R, y)
-        F = np.block([[model.A, model.B @ d.H], [np.zeros((size, n)), d.S]])
+        x, P, innovation, self._gain = _correct(self._x, self._P, C, self._R, y)
         self._x = F @ x
         self._x[:n] += model.known_part(known)
         self._P = F @ P @ F.T + self._Q
@@ -193,7 +202,7 @@ class UnknownInputObserver:
         y, m = np.atleast_1d(np.asarray(y, dtype=np.float64)), model.inputs
         before, self._before = self._before, (model, model.known_part(known))
         if before is None:
-            self._x, self._P, e = _correct(self._x, self._P, model.C, self._R, y)
+            self._x, self._P, e, _ = _correct(self._x, self._P, model.C, self._R, y)
             return InputEstimate(np.full(m, np.nan), np.full(m, np.inf), self._x, e)
         x, u, variance, self._P, e = _unbiased(
             self._x, self._P, before[0].A, before[0].B, before[1], model.C, self._Q, self._R, y

@@ -11,7 +11,7 @@ from flightbed.compiling import Array, compiled
 from flightbed.estimation import kernels, pitch_model
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.kernels import Found
-from flightbed.signals import Estimate, Measurement
+from flightbed.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.units import DEG
 
 _new = tuple.__new__
@@ -185,7 +185,7 @@ class LoopGain:
                 then[7],
                 tick,
             )
-        return _new(Estimate, found)
+        return _new(Estimate, found + NOTHING_RECONSTRUCTED)
 
     def packed(self) -> tuple[Array, Array, Array, Array]:
         """Return copies of what ``observe`` takes: bank, settings, schedule (empty without one), wiring."""

@@ -169,12 +169,14 @@ class ProcessNoise(Settings):
 
 
 class GustSettings(Settings):
-    """Vertical air, up positive, that rises to its peak as 1-cos from at_s on, holds, and falls as it rose."""
+    """Vertical air, up positive: rises to its peak as 1-cos from at_s on, holds, and falls as it rose; or a sine from at_s on."""
 
+    shape: Literal["1-cos", "sine"] = "1-cos"
     at_s: NonNegative
     up_fps: Annotated[float, between(-500, 500)]
-    rise_s: Positive
+    rise_s: Positive = 1.0
     hold_s: NonNegative = 0.0
+    frequency_hz: Positive = 1.0
 
 
 class Failure(OwnSettings):
@@ -280,8 +282,14 @@ _BY_MODEL = MappingProxyType(
     }
 )
 
-# And by its kind: the two-stage filter has no window, and its test averages few samples.
-_BY_KIND = MappingProxyType({"two-stage": MappingProxyType({"memory": "variable", "window": 3})})
+# And by its kind: the two-stage filter has no window, and its test averages few samples; the test of a reconstruction takes more.
+_BY_KIND = MappingProxyType(
+    {
+        "two-stage": MappingProxyType({"memory": "variable", "window": 3}),
+        "retrospective-cost": MappingProxyType({"window": 45}),
+        "input-kalman": MappingProxyType({"window": 45}),
+    }
+)
 
 
 class EstimatorSettings(OwnSettings):
@@ -312,6 +320,15 @@ class EstimatorSettings(OwnSettings):
     block_fade: Annotated[float, between(1, 2)] = 1.01
     form: Literal["factored", "plain"] = "factored"
     precision: Literal["double", "single"] = "double"
+    unknown: Literal["elevator", "gust"] = "elevator"
+    order: Annotated[int, between(1, 20)] = 4
+    horizon: Annotated[int, between(1, 20)] = 6
+    regularization: NonNegative = 1.0
+    initial_covariance: Positive = 0.01
+    input_forgetting: Annotated[float, between(0.5, 1)] = 1.0
+    saturation_deg: Positive = 30.0
+    input_step_deg: Positive = 0.1
+    offset_deg: NonNegative = 0.3
     prior: Prior = Prior()
 
     @model_validator(mode="before")

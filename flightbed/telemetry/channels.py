@@ -11,7 +11,7 @@ import numpy as np
 from flightbed import palette
 from flightbed.naming import estimate_name, numbered, of_surface
 from flightbed.statistics import chi_square_bound
-from flightbed.trace import Trace, Vector, true_share
+from flightbed.trace import ACTING, GUST_ALPHA, Trace, Vector, true_share
 from flightbed.units import unit_of
 
 OVERVIEW, ESTIMATORS, AIRFRAME, TURNING = "Overview", "Estimators", "Airframe", "Roll and yaw"
@@ -178,6 +178,7 @@ def _estimators(trace: Trace, readings: Mapping[str, float]) -> list[Plot]:
     # One innovation and one NIS an estimator, whatever it is of; they are those of its estimate of the elevator.
     names = of_surface(trace.estimators, "elevator")
     each = [plot for i, name in enumerate(names) for plot in _estimator(i, name, readings.get(name))]
+    each += [plot for i, name in enumerate(names) for plot in _reconstruction(trace, i, name)]
     # The bound first and wide: what reaches it is drawn on it.
     sigmas = [
         Line("Cramer-Rao bound", palette.OTHER, "effectiveness_bound", width=5.0, log=True),
@@ -233,6 +234,21 @@ def _estimator(index: int, name: str, readings: float | None) -> list[Plot]:
             index,
         ),
     ]
+
+
+def _reconstruction(trace: Trace, index: int, name: str) -> list[Plot]:
+    """Return the plot of an unknown input, with what it is and what is measured of it; most estimators reconstruct none."""
+    column = f"{name}.reconstructed_deg"
+    if column not in trace.columns:
+        return []
+    elevator, color = _told(trace, f"{name}.verdict"), palette.estimate(index)
+    lines = [_line("acts", palette.TRUTH, ACTING if elevator else GUST_ALPHA, width=2.2)]
+    if elevator:
+        position = palette.OTHER if color != palette.OTHER else palette.REFERENCE
+        lines.append(_line("position", position, "elevator_mean_meas_deg"))
+    lines.append(_line("reconstructed", color, column, width=1.0))
+    what = "deflection that acts" if elevator else "angle of attack by the gust"
+    return [Plot(f"reconstruction/{name}", f"{name}: {what}, deg", ESTIMATORS, tuple(lines), None, index)]
 
 
 def _turning(trace: Trace, stops_deg: Mapping[str, Sequence[float]]) -> list[Plot]:

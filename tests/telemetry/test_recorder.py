@@ -280,10 +280,11 @@ def test_the_recording_passes_reruns_own_verification_and_is_small(recording: Pa
 
 @pytest.mark.parametrize("name", list(data.names("scenario")))
 def test_recordings_of_all_scenarios_are_small(name: str, tmp_path: Path) -> None:
-    """At most 1.5 MB for 16.5 s, whatever flies and however many estimators; 2.7 MB with roll and yaw, which are half as much again."""
+    """At most 1.5 MB for 16.5 s, whatever flies; 2.7 MB with roll and yaw, which are half as much again; 0.2 MB for each reconstruction."""
     result = run(load_scenario(name, ["duration_s=16.5"]))
     write_recording(tmp_path / "flight.rrd", result.trace, shown(result))
     limit = 1.5e6 if result.plan.lateral is None else 2.7e6
+    limit += 0.2e6 * sum(f"{name}.reconstructed_deg" in result.trace.columns for name in result.trace.estimators)
     assert (tmp_path / "flight.rrd").stat().st_size <= limit
 
 
@@ -520,3 +521,15 @@ def test_the_mesh_is_symmetric_and_its_faces_are_in_range() -> None:
         np.testing.assert_allclose(y, -y[::-1], atol=1e-5)
     assert 14.0 < np.ptp(mesh.airframe().vertices[:, 0]) < 17.0  # an F-16 is 15 m long
     assert 9.0 < np.ptp(mesh.airframe().vertices[:, 1]) < 10.5  # and 9.5 m wide
+
+
+def test_what_is_reconstructed_is_shown_beside_what_acts(tmp_path: Path) -> None:
+    elevator = ["elevator_acting_deg", "elevator_mean_meas_deg"]
+    for scenario, beside in (("elevator-bias", elevator), ("harmonic-gust", ["gust_alpha_deg"])):
+        flown = run(load_scenario(scenario, ["duration_s=7"]), tmp_path / scenario, report=False)
+        assert flown.folder is not None
+        for name in ("retrospective", "random-walk"):
+            lines: list[str | float] = [*beside, f"{name}.reconstructed_deg"]
+            _assert_reads_back(flown, flown.folder / "flight.rrd", f"/reconstruction/{name}", lines)
+        told = {c.entity_path for c in RrdReader(flown.folder / "flight.rrd").stream()}
+        assert "/reconstruction/scheduled" not in told

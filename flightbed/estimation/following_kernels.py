@@ -1,0 +1,232 @@
+"""Arithmetic of ``following``, compiled: what is carried along with a reconstruction, a tick of it, and the test."""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from flightbed.compiling import Array, compiled
+
+STAGGERED = 3  # windows that are open at a time, begun one after the other
+OUT = 2  # component of the filter's state that is u^, after errors of alpha and q
+EXPLAINED, BESIDE, ACTUATOR = 0.0, 1.0, 2.0  # what a verdict says
+RATIO, _ALARMS, SMOOTHED, _BESIDE, _ACTUATOR, _ALPHA, _Q = range(7)  # what lies where in ``marks``
+MARKS = 7
+
+
+class Following(NamedTuple):
+    """What is carried along, all arrays, changed in place. n states of the filter, M = 1 + 2 ``STAGGERED`` regressions.
+
+    Deflections are in deg and readings in standard deviations here, so that all is of one size.
+
+    Attributes:
+        response: (n, 3) of the filter's error to the measured deflection, to the commanded one, to 1 deg.
+        noise: (n, n) covariance of the filter's error from noise.
+        cross: (n, 2 M) its covariance with the noise of each regression's two sums; spread: (M, 3) covariance of these, [dd, d1, 11].
+        sums: (M, 7) of a regression: d d, d 1, 1 1, d u^, 1 u^, u^ u^, variance of n.
+        ages: (M,) ticks in it, negative before it opens; said: (M,) sign of o in the window before, 0 if insignificant.
+        marks: ratio of residuals to noise, alarms, smoothed K, the two verdicts, B of the period before.
+
+    """
+
+    response: Array
+    noise: Array
+    cross: Array
+    spread: Array
+    sums: Array
+    ages: Array
+    said: Array
+    marks: Array
+
+
+class Told(NamedTuple):
+    """What a tick says: K-hat in bounds, its standard deviation, smoothed, raw; o and its standard deviation, deg; verdict, alarms.
+
+    Then that of n, deg; NIS of the readings less what K and o explain of them; these innovations and their standard deviations, in
+    standard deviations of the sensors; the slope that goes with o.
+    """
+
+    effectiveness: float
+    effectiveness_std: float
+    effectiveness_smoothed: float
+    effectiveness_raw: float
+    offset: float
+    offset_std: float
+    verdict: float
+    alarms: float
+    noise_std: float
+    nis: float
+    innovation_alpha: float
+    innovation_q: float
+    innovation_alpha_std: float
+    innovation_q_std: float
+    slope: float
+
+
+@compiled
+def reopen(memory: Following, window: int) -> None:
+    """Take the filter to have been put to the readings: its error is theirs; all windows open anew."""
+    memory.response[:2, :], memory.noise[:2, :], memory.noise[:, :2] = 0.0, 0.0, 0.0
+    memory.noise[0, 0] = memory.noise[1, 1] = 1.0
+    memory.cross[:2, :] = 0.0
+    for m in range(1, memory.ages.size):
+        _close(memory, m)
+        memory.ages[m] = -float((m - 1) % STAGGERED * window // STAGGERED)
+        memory.said[m] = 0.0
+
+
+@compiled
+def _close(memory: Following, m: int) -> None:
+    memory.sums[m], memory.spread[m] = 0.0, 0.0
+    memory.cross[:, 2 * m : 2 * m + 2] = 0.0
+    memory.ages[m] = 0.0
+
+
+@compiled
+def solved(sums: Array, spread: Array) -> tuple[float, float, float, float, float]:
+    """Return K and o of least squares, their variances, and how much of the noise's square the fit takes up.
+
+    With W the sums of products and S the covariance of the sums of products with the noise: W^-1 (sum d u, sum 1 u), the diagonal of
+    W^-1 S W^-1, and the trace of W^-1 S. Variances are infinite where W is singular.
+
+    Args:
+        sums, spread: of one regression, as in ``Following``.
+
+    """
+    a, b, c = sums[0], sums[1], sums[2]
+    det = a * c - b * b
+    if not det > 1e-9 * a * c:
+        return 0.0, 0.0, inf, inf, 0.0
+    K, o = (c * sums[3] - b * sums[4]) / det, (a * sums[4] - b * sums[3]) / det
+    var_K = (c * c * spread[0] - 2.0 * b * c * spread[1] + b * b * spread[2]) / (det * det)
+    var_o = (b * b * spread[0] - 2.0 * a * b * spread[1] + a * a * spread[2]) / (det * det)
+    taken = (c * spread[0] - 2.0 * b * spread[1] + a * spread[2]) / det
+    return K, o, max(var_K, 0.0), max(var_o, 0.0), taken
+
+
+@compiled
+def _judge(memory: Following, settings: Array, m: int) -> None:
+    """Judge a window that is full: follow the size of its residuals, compare with the window before, raise or take back."""
+    sums, marks, said = memory.sums[m], memory.marks, memory.said
+    K, o, _, var_o, taken = solved(sums, memory.spread[m])
+    sign, within = 0.0, False
+    if var_o < inf:
+        ratio = marks[RATIO]
+        expected = sums[6] - taken
+        if m <= STAGGERED and expected > 1e-9 * sums[6]:
+            seen = max(sums[5] - K * sums[3] - o * sums[4], 0.0) / expected
+            ratio = max(ratio + (min(seen, 4.0 * ratio) - ratio) / 30.0, 1.0)
+            marks[RATIO] = ratio
+        std = sqrt(var_o * (ratio if settings[9] > 0.0 else 1.0))
+        if abs(o) - settings[8] > settings[7] * std:
+            sign = 1.0 if o > 0.0 else -1.0
+        within = abs(o) + settings[7] * std < 2.0 * settings[8]
+    which = _BESIDE if m <= STAGGERED else _ACTUATOR
+    if which == _ACTUATOR and (marks[_BESIDE] > 0.0 or said[m - STAGGERED] != 0.0):
+        sign = 0.0  # what does not follow the position follows no command either
+    if within:
+        marks[which] = 0.0
+    elif sign != 0.0 and sign == said[m] and marks[which] == 0.0:
+        marks[which] = 1.0
+        marks[_ALARMS] += 1.0
+    said[m] = sign
+
+
+@compiled
+def follow(
+    response: Array, noise: Array, cross: Array, spread: Array, sums: Array, ages: Array, said: Array, marks: Array,
+    settings: Array, F: Array, G: Array, Q: Array, B: Array, z: Array, told: float, feedback: float, commanded: float,
+) -> Told:  # fmt: skip
+    """Take one tick of a reconstruction.
+
+    Args:
+        response, noise, cross, spread, sums, ages, said, marks: the fields of ``Following``, carried on; one by one, because a tuple
+            of arrays costs the way into compiled code as much as the tick does.
+        settings: as ``packed``.
+        F, G: (n, n), (n, 2): the filter's error at this tick -> at the next, without the input of the period that begins; from the
+            sensors' errors. Its component ``OUT`` is then u^.
+        Q: (2,) variances of what else moves alpha and q in a period.
+        B: (2,) from the input of the period that begins.
+        z: (2,) readings less the filter's own.
+        told: u^, deg.
+        feedback: measured deflection over the period that ended, deg.
+        commanded: the deflection that was asked for over it, deg, as the actuator should have made it; nan if nobody told.
+
+    """
+    memory = Following(response, noise, cross, spread, sums, ages, said, marks)
+    n, count = noise.shape[0], ages.size
+    heard = commanded == commanded
+    for i in range(2):
+        b = marks[_ALPHA + i]
+        response[i, 0] += b * feedback
+        response[i, 1] += b * (commanded if heard else feedback)
+        response[i, 2] += b
+    before, s0, s1, s01 = response[:2].copy(), noise[0, 0] + 1.0, noise[1, 1] + 1.0, noise[0, 1]
+    marks[_ALPHA], marks[_Q] = B[0], B[1]
+
+    response[:, :] = F @ response
+    noise[:, :] = F @ noise @ F.T + G @ G.T
+    noise[0, 0] += Q[0]
+    noise[1, 1] += Q[1]
+    noise[:2, :2] += settings[10] * np.outer(
+        B, B
+    )  # an error of the measured deflection moves what it explains by at most b (K = 1)
+    cross[:, :] = F @ cross
+    n_var, one = max(noise[OUT, OUT], 0.0), response[OUT, 2]
+    for m in range(count):
+        if ages[m] < 0.0:
+            ages[m] += 1.0
+            continue
+        keep = settings[0] if m == 0 else 1.0
+        d = response[OUT, 1] if m > STAGGERED else response[OUT, 0]
+        at = 2 * m
+        c0, c1 = keep * cross[OUT, at], keep * cross[OUT, at + 1]
+        spread[m, 0] = keep * keep * spread[m, 0] + 2.0 * d * c0 + d * d * n_var
+        spread[m, 1] = keep * keep * spread[m, 1] + d * c1 + one * c0 + d * one * n_var
+        spread[m, 2] = keep * keep * spread[m, 2] + 2.0 * one * c1 + one * one * n_var
+        for i in range(n):
+            cross[i, at] = keep * cross[i, at] + noise[i, OUT] * d
+            cross[i, at + 1] = keep * cross[i, at + 1] + noise[i, OUT] * one
+        new = (d * d, d * one, one * one, d * told, one * told, told * told, n_var)
+        for i in range(7):
+            sums[m, i] = keep * sums[m, i] + new[i]
+        ages[m] += 1.0
+    for m in range(1, count):
+        if ages[m] >= settings[6]:
+            if m <= STAGGERED or heard:
+                _judge(memory, settings, m)
+            _close(memory, m)
+    return _say(memory, settings, n_var, before, z, s0, s1, s01)
+
+
+@compiled
+def _say(
+    memory: Following, settings: Array, n_var: float, before: Array, z: Array, s0: float, s1: float, s01: float
+) -> Told:
+    """Return K, o and the rest; ``before`` (2, 3) and s are response and covariance of z."""
+    marks, sums = memory.marks, memory.sums[0].copy()
+    ratio, prior, prior_var = (marks[RATIO] if settings[9] > 0.0 else 1.0), settings[1], settings[2]
+    # The priors, of K and of an o of 5 deg: readings of their mean, worth what the noise makes of their variance.
+    weight_K, weight_o = max(n_var, 1e-6) / prior_var, max(n_var, 1e-6) / 25.0
+    spread = ratio * memory.spread[0]
+    spread[0] += weight_K * weight_K * prior_var
+    spread[2] += weight_o * weight_o * 25.0
+    sums[0] += weight_K
+    sums[2] += weight_o
+    sums[3] += weight_K * prior
+    slope, offset, variance, var_o, _ = solved(sums, spread)
+    K = slope
+    if marks[_BESIDE] == 0.0:
+        K, variance = sums[3] / sums[0], spread[0] / (sums[0] * sums[0])
+    bounded = min(max(K, settings[4]), settings[5])
+    marks[SMOOTHED] = settings[3] * marks[SMOOTHED] + (1.0 - settings[3]) * bounded
+    e0 = z[0] - K * before[0, 0] - (offset * before[0, 2] if marks[_BESIDE] > 0.0 else 0.0)
+    e1 = z[1] - K * before[1, 0] - (offset * before[1, 2] if marks[_BESIDE] > 0.0 else 0.0)
+    nis = max((s1 * e0 * e0 - 2.0 * s01 * e0 * e1 + s0 * e1 * e1) / (s0 * s1 - s01 * s01), 0.0)
+    verdict = BESIDE if marks[_BESIDE] > 0.0 else ACTUATOR if marks[_ACTUATOR] > 0.0 else EXPLAINED
+    return Told(
+        bounded, sqrt(variance), marks[SMOOTHED], K, offset, sqrt(var_o), verdict, marks[_ALARMS], sqrt(n_var),
+        nis, e0, e1, sqrt(s0), sqrt(s1), slope,
+    )  # fmt: skip

@@ -1,0 +1,216 @@
+"""The elevator's deflection that really acts, reconstructed from alpha and q as an unknown input, and K from it; an estimator.
+
+What is known is the aircraft's own pitch motion, gravity and thrust: x+ = A x + b u + c, x = (alpha, q), both measured, at every tick as
+the schedule on board has it (or the short period at the trim point). u is nobody's to tell: command, position and K do not enter. Two
+methods find it: ``retrospective_cost`` (Gupta and others 2012) and, as its rival, a Kalman filter whose state has u as a random walk
+(``input_observer``). ``following`` then holds it against the measured deflection, whose slope is K, and tells what no K explains.
+
+Departures from the paper: its examples optimize the input of the last sample alone, H~ = -C B; with the noise of sensors that is a
+difference quotient. Here the inputs of the last ``horizon`` samples are optimized together, and least squares fits all of them, which is
+the same method with other Markov parameters retained.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite, nan
+
+import numpy as np
+
+from flightbed.compiling import Array
+from flightbed.estimation import following, kernels, pitch_model
+from flightbed.estimation.actuator import ActuatorOnBoard
+from flightbed.estimation.base import OnBoard
+from flightbed.estimation.following import FollowingConfig
+from flightbed.estimation.following_kernels import follow, reopen
+from flightbed.estimation.input_model import InputModel
+from flightbed.estimation.reconstruction_methods import (
+    ByRandomWalk,
+    ByRetrospectiveCost,
+    Method,
+    RetrospectiveSettings,
+    WalkSettings,
+)
+from flightbed.signals import Estimate, Measurement
+from flightbed.units import DEG
+
+FAR = 1e4  # innovation, in standard deviations, beyond which the model is put to the readings and begins anew
+
+
+@dataclass(frozen=True)
+class ReconstructionConfig:
+    """Settings of an estimator that reconstructs.
+
+    Attributes:
+        method: which, with its settings.
+        following: regression on the measured deflection, and test.
+        scheduled: the model is the schedule, not the short period at the trim point.
+        alpha_disturbance_rad_s, q_disturbance_rad_s2: as in LoopGainConfig.
+
+    """
+
+    method: RetrospectiveSettings | WalkSettings
+    following: FollowingConfig = field(default_factory=FollowingConfig)
+    scheduled: bool = True
+    alpha_disturbance_rad_s: float = 0.05 * DEG
+    q_disturbance_rad_s2: float = 0.3 * DEG
+
+
+class PitchMotion:
+    """The pitch motion on board over one period, at a measurement.
+
+    Args:
+        onboard: what is known of the aircraft.
+        scheduled: by the schedule, else by the short period at the trim point.
+
+    Raises:
+        ValueError: a schedule is asked for, and there is none on board.
+
+    """
+
+    def __init__(self, onboard: OnBoard, *, scheduled: bool) -> None:
+        if scheduled and onboard.schedule is None:
+            raise ValueError("the estimator's model is the schedule, but there is none on board")
+        self._schedule = onboard.schedule.packed() if scheduled and onboard.schedule else None
+        self._dt, design = 1.0 / onboard.control_hz, onboard.design
+        discrete, trim = design.discrete(onboard.control_hz), np.array([design.alpha_trim_rad, 0.0])
+        affine = trim - discrete.A @ trim - discrete.b * design.elevator_trim_rad
+        self._rows, self._work = np.column_stack([discrete.A, discrete.b, affine]), np.zeros((2, 4))
+
+    def rows(self, m: Measurement, acting_rad: float) -> Array:
+        """Return (2, 4), [A | b | c] of x+ = A x + b u + c, x = (alpha, q), u the deflection that acts, linearized at ``acting_rad``.
+
+        The array is the next call's too.
+        """
+        if self._schedule is not None:
+            pitch_model.local_model(
+                self._schedule, self._rows, self._work, 1.0, self._dt, m.alpha_rad, m.q_rad_s, acting_rad,
+                m.mach, m.altitude_m, m.theta_rad, m.phi_rad, 0.0,
+            )  # fmt: skip
+        return self._rows
+
+
+class Disturbances:
+    """What the readings show of rough air, as ``kernels.disturbance`` finds it, in standard deviations of the sensors; owns its sums."""
+
+    def __init__(self) -> None:
+        self._bank, self._settings, self._tick = kernels.new_bank(1), np.ones(23), 0
+        self._bank[24, 0] = self._bank[34, 0] = self._bank[35, 0] = 1.0
+
+    def found(self, model: InputModel, acting: float, y: Array) -> Array:
+        """Return variances (2,) of what else than the deflection that K explains moves alpha and q in a tick; y (2,) ends the period."""
+        rows = np.column_stack([model.A, model.B, model.G])
+        more = kernels.disturbance(self._bank, self._settings, rows, acting, y[0], y[1], self._tick)
+        self.at(y)
+        return np.array(more)
+
+    def at(self, y: Array) -> None:
+        """Take the readings (2,) that a period begins with."""
+        self._bank[36, 0], self._bank[37, 0] = y
+        self._tick += 1
+
+
+class ElevatorReconstruction:
+    """The acting deflection by one of the methods, K by regression, and the test; an Estimator, and Commanded.
+
+    The commands that it is told go to the test alone. ``alarms`` counts how often something was declared that no K explains, ``verdict``
+    says what: ``following_kernels.BESIDE`` (what acts does not follow the measured deflection: a bias, or a surface that has come off)
+    or ``following_kernels.ACTUATOR`` (it does, but does not follow the command: stuck, run to a stop, slow).
+
+    Args:
+        config: settings.
+        onboard: what is known of aircraft and sensors; without an actuator commands are not compared.
+
+    Raises:
+        ValueError: a schedule is asked for, and there is none on board.
+
+    """
+
+    readings = 2.0
+
+    def __init__(self, config: ReconstructionConfig, onboard: OnBoard) -> None:
+        noise, dt = onboard.noise, 1.0 / onboard.control_hz
+        self._motion = PitchMotion(onboard, scheduled=config.scheduled)
+        self._sigma = np.array([noise.alpha_rad, noise.q_rad_s])
+        disturbed = np.array([config.alpha_disturbance_rad_s, config.q_disturbance_rad_s2]) * dt / self._sigma
+        self._Q = disturbed**2
+        self._method: Method
+        if isinstance(config.method, WalkSettings):
+            self._method = ByRandomWalk(config.method, self._Q)
+        else:
+            self._method = ByRetrospectiveCost(config.method.config(DEG))
+        self._settings = following.packed(config.following, noise.elevator_rad)
+        self._window = config.following.window
+        self._actuator = (
+            ActuatorOnBoard(onboard.actuator, onboard.control_hz, onboard.delay_ticks) if onboard.actuator else None
+        )
+        self._follows = config.following.follow_disturbances
+        self._anew(config)
+        for _ in range(2):  # compile, or load what was compiled, now and not in flight
+            self.update(Measurement(0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0))
+        assert self._before is not None
+        self._rough.found(self._before, 0.0, np.zeros(2))
+        reopen(self._memory, self._window)
+        self._anew(config)
+
+    def _anew(self, config: ReconstructionConfig) -> None:
+        self._memory = following.begin(self._method.states, config.following)
+        self._rough, self._acting, self._explained = Disturbances(), 0.0, (1.0, 0.0)
+        self._before: InputModel | None = None
+        self._tick = 0
+
+    def _model(self, m: Measurement) -> InputModel:
+        """Return the model of the period that begins, readings in standard deviations and the input in deg."""
+        sigma = self._sigma
+        scaled = self._motion.rows(m, self._acting) / sigma[:, None]
+        return InputModel(scaled[:, :2] * sigma, scaled[:, 2:3] * DEG, np.eye(2), scaled[:, 3:4])
+
+    def commanded(self, elevator_cmd_rad: float) -> None:
+        """Take the command of the period that begins."""
+        if self._actuator is not None:
+            self._actuator.commanded(elevator_cmd_rad)
+
+    def update(self, measurement: Measurement) -> Estimate:
+        """Take the readings of the next tick, return the estimate that includes them."""
+        m = measurement
+        model, y = self._model(m), np.array([m.alpha_rad, m.q_rad_s]) / self._sigma
+        process, deflection = self._Q, m.elevator_mean_rad / DEG
+        if self._before is None:
+            self._method.begin(model, y)
+        if self._before is not None and self._follows and self._tick >= self._window:
+            process = process + self._rough.found(self._before, self._explained[0] * deflection + self._explained[1], y)
+        else:
+            self._rough.at(y)
+        self._before, self._tick = model, self._tick + 1
+        found = self._method.take(model, y)
+        if not (isfinite(found.input) and np.all(np.abs(found.innovation) < FAR)):
+            self._method.begin(model, y)
+            found = self._method.take(model, y)
+            reopen(self._memory, self._window)
+        asked = self._actuator.mean() / DEG if self._actuator is not None else nan
+        told = follow(
+            *self._memory, self._settings, found.F, found.G, process, model.B[:, 0], found.innovation, found.input,
+            deflection, asked,
+        )  # fmt: skip
+        self._explained = told.slope, told.offset
+        self._acting = min(max(found.input, -90.0), 90.0) * DEG
+        state, (alpha, q) = found.state * self._sigma, self._sigma
+        return Estimate(
+            effectiveness=told.effectiveness,
+            effectiveness_std=told.effectiveness_std,
+            effectiveness_smoothed=told.effectiveness_smoothed,
+            effectiveness_raw=told.effectiveness_raw,
+            alpha_rad=float(state[0]),
+            q_rad_s=float(state[1]),
+            nis=told.nis,
+            alarms=told.alarms,
+            innovation_alpha_rad=told.innovation_alpha * alpha,
+            innovation_q_rad_s=told.innovation_q * q,
+            innovation_alpha_std_rad=told.innovation_alpha_std * alpha,
+            innovation_q_std_rad_s=told.innovation_q_std * q,
+            reconstructed_rad=found.input * DEG,
+            reconstructed_std_rad=told.noise_std * DEG,
+            offset_rad=told.offset * DEG,
+            offset_std_rad=told.offset_std * DEG,
+            verdict=told.verdict,
+        )

@@ -1,0 +1,169 @@
+"""The two methods that find an unknown deflection in (alpha, q): their settings, and how their error goes on from tick to tick.
+
+Readings are in standard deviations of their sensors and the deflection in deg, so that weights, regularization and initial covariance have
+a size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from flightbed.compiling import Array
+from flightbed.estimation.input_model import InputModel
+from flightbed.estimation.input_observer import InputKalmanFilter, random_walk
+from flightbed.estimation.retrospective_cost import RetrospectiveConfig, RetrospectiveCost
+from flightbed.units import DEG
+
+_KNOWN = np.ones(1)
+NOTHING = 1e6  # variance of a state of which nothing is known: the first reading, which it is put to besides, counts once, not twice
+
+
+@dataclass(frozen=True)
+class RetrospectiveSettings:
+    """Of ``RetrospectiveConfig``, on the aircraft.
+
+    Attributes:
+        order: n_c, of the adaptive feedback.
+        horizon: samples whose inputs are optimized together: as many performances are stacked, and as many Markov parameters retained.
+        regularization: eta_0, constant, in variances of a reading per deg^2.
+        forgetting: lambda of its least squares.
+        saturation_rad: bound of the optimized inputs, either side.
+        initial_covariance: gamma; also the bound above which nothing is forgotten.
+
+    """
+
+    order: int = 4
+    horizon: int = 6
+    regularization: float = 1.0
+    forgetting: float = 1.0
+    saturation_rad: float = 30.0 * DEG
+    initial_covariance: float = 0.01
+
+    def config(self, unit: float) -> RetrospectiveConfig:
+        """Return the settings of the method for an input in so many rad."""
+        bound = self.saturation_rad / unit
+        return RetrospectiveConfig(
+            order=self.order,
+            initial_covariance=self.initial_covariance,
+            delays=tuple(range(self.horizon)),
+            retained=tuple(tuple(range(1, self.horizon - delay + 1)) for delay in range(self.horizon)),
+            fitted="all",
+            regularization=self.regularization,
+            saturation=(-bound, bound),
+            forgetting=self.forgetting,
+            covariance_bound=self.initial_covariance if self.forgetting < 1.0 else np.inf,
+        )
+
+
+@dataclass(frozen=True)
+class WalkSettings:
+    """Of the Kalman filter.
+
+    Attributes:
+        step_rad: standard deviation of the step that u makes in a tick.
+        initial_rad: standard deviation of u at the start.
+
+    """
+
+    step_rad: float = 0.1 * DEG
+    initial_rad: float = 10.0 * DEG
+
+
+class Reconstructed(NamedTuple):
+    """What a method says at a tick, in deg and standard deviations of the sensors.
+
+    Attributes:
+        input: u^.
+        state: (2,) alpha and q.
+        innovation: (2,) readings less what was expected.
+        F, G: (n, n), (n, 2): how its error goes on, as ``following.follow`` has it.
+
+    """
+
+    input: float
+    state: Array
+    innovation: Array
+    F: Array
+    G: Array
+
+
+class Method(Protocol):
+    """A method of reconstruction; owns its state."""
+
+    states: int
+
+    def begin(self, model: InputModel, y: Array) -> None:
+        """Put the model to the readings of a tick."""
+
+    def take(self, model: InputModel, y: Array) -> Reconstructed:
+        """Take the readings of the next tick; the model leads on from it."""
+
+
+class ByRetrospectiveCost:
+    """Reconstruction by retrospective cost; its error's state is (e, u^ of the last n_c samples, z of the last n_c), newest first."""
+
+    def __init__(self, config: RetrospectiveConfig) -> None:
+        self._config, self.states = config, 2 + 3 * config.order
+        self._cost: RetrospectiveCost | None = None
+        n, nc = self.states, config.order
+        self._F, self._G = np.zeros((n, n)), np.zeros((n, 2))
+        for i in range(3, 2 + nc):
+            self._F[i, i - 1] = 1.0
+        for i in range(4 + nc, n):
+            self._F[i, i - 2] = 1.0
+        self._newest = slice(2 + nc, 4 + nc)
+
+    def begin(self, model: InputModel, y: Array) -> None:
+        """Begin anew from the readings."""
+        self._cost = RetrospectiveCost(self._config, model, state=y)
+        self._F[self._newest, :2] = self._G[self._newest] = 0.0  # the first z is 0, whatever the readings' errors
+
+    def take(self, model: InputModel, y: Array) -> Reconstructed:
+        """Take the readings of the next tick; of noise the method knows nothing."""
+        assert self._cost is not None
+        found = self._cost.update(y, _KNOWN, model=model)
+        F, theta = self._F, self._cost.gains
+        F[:2, :2], F[2, 2:] = model.A, theta[0]
+        F[:2, 2:] = -model.B @ theta
+        told = Reconstructed(float(found.input[0]), found.state, found.performance, F.copy(), self._G.copy())
+        F[self._newest, :2] = self._G[self._newest] = np.eye(2)
+        return told
+
+
+class ByRandomWalk:
+    """Reconstruction by a Kalman filter of (x, u); its error's state is (e, u^).
+
+    Args:
+        settings: of the walk.
+        process: (2,) variances of what else moves alpha and q in a tick.
+
+    """
+
+    states = 3
+
+    def __init__(self, settings: WalkSettings, process: Array) -> None:
+        walk = random_walk(1, step_std=settings.step_rad / DEG, initial_std=settings.initial_rad / DEG)
+        self._dynamics, self._process = walk, np.diag(process)
+        self._filter: InputKalmanFilter | None = None
+
+    def begin(self, model: InputModel, y: Array) -> None:
+        """Begin anew from the readings."""
+        self._filter = InputKalmanFilter(
+            self._dynamics, model, process=self._process, noise=np.eye(2), state_covariance=NOTHING * np.eye(2), state=y
+        )
+
+    def take(self, model: InputModel, y: Array) -> Reconstructed:
+        """Take the readings of the next tick."""
+        assert self._filter is not None
+        found = self._filter.update(y, _KNOWN, model=model)
+        gain = self._filter.gain
+        ahead = np.eye(3)
+        ahead[:2, :2], ahead[:2, 2] = model.A, -model.B[:, 0]
+        corrected = np.eye(3)
+        corrected[:2, :2] -= gain[:2]
+        corrected[2, :2] = gain[2]
+        given = np.vstack([-gain[:2], gain[2:]])
+        return Reconstructed(float(found.input[0]), found.state, found.innovation, ahead @ corrected, ahead @ given)

@@ -1,0 +1,69 @@
+"""Keys of what reconstructs an unknown input, and of gusts: what contradicts, what is without effect; a part of ``consistency``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flightbed.settings import EstimatorSettings, GustSettings, Scenario
+
+KINDS = ("retrospective-cost", "input-kalman")
+_RETROSPECTIVE = ("order", "horizon", "regularization", "initial_covariance", "input_forgetting", "saturation_deg")
+_WALK = ("input_step_deg",)
+KEYS = ("unknown", "offset_deg", *_RETROSPECTIVE, *_WALK)  # no other kind has a use for them
+_NOBODY = ("input", "input_at", "alarm_threshold", "hold_std", "memory", "variance_min", "variance_max", "walk_std")
+# Of the elevator's effectiveness and its test, which a reconstructed gust has none of.
+_ELEVATOR = (
+    "window", "forgetting", "smoothing", "bounds", "follow_disturbances", "false_alarm", "offset_deg", "prior.effectiveness",
+    "prior.effectiveness_std",
+)  # fmt: skip
+_DISTURBANCES = ("alpha_disturbance_deg_s", "q_disturbance_deg_s2")
+_SHORTEST = 6  # ticks of a window of the test
+_GUST_NEEDS: Mapping[str, str] = MappingProxyType({"1-cos": "rise_s", "sine": "frequency_hz"})
+_GUST_IDLE: Mapping[str, Sequence[str]] = MappingProxyType(
+    {"1-cos": ("frequency_hz",), "sine": ("rise_s", "hold_s")},
+)
+
+
+def contradictions(scenario: Scenario) -> list[str]:
+    """Return what cannot be flown as it is written, one line each."""
+    problems = [
+        f"gusts.{i}.{needed}: is missing; a gust of shape '{gust.shape}' needs it"
+        for i, gust in enumerate(scenario.gusts)
+        if (needed := _GUST_NEEDS[gust.shape]) not in gust.model_fields_set
+    ]
+    adaptation = scenario.adaptation
+    corrects = adaptation.estimator if adaptation.enabled and not adaptation.oracle else None
+    for i, estimator in enumerate(scenario.estimators):
+        if estimator.kind not in KINDS:
+            continue
+        if estimator.unknown == "elevator" and estimator.window < _SHORTEST:
+            problems.append(
+                f"estimators.{i}.window: must be at least {_SHORTEST} with kind = '{estimator.kind}' (got {estimator.window})"
+            )
+        if estimator.unknown == "gust" and estimator.name == corrects:
+            problems.append(
+                f"adaptation.estimator: must estimate the elevator (got '{corrects}', whose unknown is the gust)"
+            )
+    return problems
+
+
+def idle_in_gust(place: str, gust: GustSettings) -> dict[str, str]:
+    """Return key -> the setting that leaves it without effect."""
+    return {f"{place}.{key}": f"{place}.shape = '{gust.shape}'" for key in _GUST_IDLE[gust.shape]}
+
+
+def idle_in_estimator(place: str, estimator: EstimatorSettings, *others: str) -> dict[str, str]:
+    """Return key, without its place, -> the setting that leaves it without effect; ``others`` are keys of other kinds."""
+    kind = estimator.kind
+    if kind not in KINDS:
+        return {}
+    of_the_other = _WALK if kind == "retrospective-cost" else _RETROSPECTIVE
+    keys = dict.fromkeys((*others, *_NOBODY, *of_the_other), f"{place}.kind = '{kind}'")
+    if estimator.unknown == "gust":
+        # The retrospective cost knows nothing of noise; of the elevator its test does.
+        more = _DISTURBANCES if kind == "retrospective-cost" else ()
+        keys |= dict.fromkeys((*_ELEVATOR, *more), f"{place}.unknown = 'gust'")
+    return keys

@@ -1,0 +1,240 @@
+"""Regression of a reconstruction on the measured deflection: exact without noise, its variance that of the noise, its test at its rate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import nan
+
+import numpy as np
+import pytest
+from scipy.stats import binom, chi2, norm
+
+from flightbed.estimation import following_kernels as kernels
+from flightbed.estimation.following import FollowingConfig, begin, packed
+from flightbed.estimation.following_kernels import STAGGERED, Following, Told, follow, reopen, solved
+from flightbed.estimation.input_model import InputModel
+from flightbed.estimation.reconstruction_methods import (
+    ByRandomWalk,
+    ByRetrospectiveCost,
+    Method,
+    RetrospectiveSettings,
+    WalkSettings,
+)
+from flightbed.short_period import ShortPeriod
+from flightbed.units import DEG
+
+SIGMA = np.array([0.03, 0.1108]) * DEG
+Q = (np.array([0.05, 0.3]) * DEG * 0.01 / SIGMA) ** 2
+METHODS = ("walk", "retrospective")
+
+
+def _method(name: str) -> Method:
+    if name == "walk":
+        return ByRandomWalk(WalkSettings(), Q)
+    return ByRetrospectiveCost(RetrospectiveSettings().config(DEG))
+
+
+def _model(design: ShortPeriod) -> InputModel:
+    """A short period at 100 Hz: readings in standard deviations, the input in deg, a constant known part.
+
+    C_m_alpha is turned stable, or nothing could be left to itself for minutes.
+    """
+    discrete = replace(design, A=design.A * np.array([[1.0, 1.0], [-1.0, 1.0]])).discrete(100)
+    A, B = discrete.A * SIGMA / SIGMA[:, None], discrete.b[:, None] * DEG / SIGMA[:, None]
+    return InputModel(A, B, np.eye(2), np.array([[0.3], [-0.2]]))
+
+
+def _moving(ticks: int) -> np.ndarray:
+    """A deflection, deg, that excites."""
+    t = np.arange(ticks) * 0.01
+    return -2.0 + 1.5 * np.sin(5.0 * t) + np.sin(11.0 * t + 1.0)
+
+
+def _readings(model: InputModel, acting: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
+    """What the sensors say, (T, 2), of an aircraft that is the model; with their noise and the process's if there is a generator."""
+    x, ys = np.array([20.0, 0.0]), []
+    for k in range(acting.size):
+        ys.append(x + (0.0 if rng is None else rng.standard_normal(2)))
+        x = model.A @ x + model.B[:, 0] * acting[k] + model.G[:, 0]
+        if rng is not None:
+            x = x + np.sqrt(Q) * rng.standard_normal(2)
+    return np.array(ys)
+
+
+def _told(
+    name: str, model: InputModel, ys: np.ndarray, deflection: np.ndarray, config: FollowingConfig, *,
+    commanded: np.ndarray | None = None, position_std_deg: float = 0.0,
+) -> Iterator[tuple[float, Told, Following]]:  # fmt: skip
+    """Yield the reconstruction, what is told of it and what is carried along, tick by tick; deflections are of the period that begins."""
+    method, settings = _method(name), packed(config, position_std_deg * DEG)
+    memory = begin(method.states, config)
+    for k, y in enumerate(ys):
+        if k == 0:
+            method.begin(model, y)
+        found = method.take(model, y)
+        asked = nan if commanded is None else commanded[max(k - 1, 0)]
+        told = follow(
+            *memory, settings, found.F, found.G, Q, model.B[:, 0], found.innovation, found.input, deflection[max(k - 1, 0)], asked
+        )  # fmt: skip
+        yield found.input, told, memory
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_without_noise_k_and_offset_are_exact_however_late_the_reconstruction_is(
+    design: ShortPeriod, name: str
+) -> None:
+    """u^ = K d^ + o 1^ holds to round-off while u^ itself is far from what acts: its lag is in d^ and 1^ too."""
+    model, deflection = _model(design), _moving(400)
+    acting = 0.37 * deflection + 0.8
+    late, checked = 0.0, 0
+    for k, (u, _, memory) in enumerate(
+        _told(name, model, _readings(model, acting, None), deflection, FollowingConfig())
+    ):
+        late = max(late, abs(u - acting[k - 1])) if k > 200 else late
+        for m in range(1 + STAGGERED):
+            if k > 60 and memory.ages[m] > 20:
+                K, o, *_ = solved(memory.sums[m], memory.spread[m])
+                assert (K, o) == pytest.approx((0.37, 0.8), abs=1e-6)
+                checked += 1
+    assert late > 0.02  # deg: exact K from an inexact reconstruction
+    assert checked > 500
+
+
+def test_the_variances_of_k_and_offset_are_those_of_the_noise(design: ShortPeriod, rng: np.random.Generator) -> None:
+    """The random walk's filter is linear and its gain known: errors over standard deviations have the variance 1 (300 runs)."""
+    model, deflection, runs = _model(design), _moving(90), 300
+    acting, z = 0.6 * deflection + 0.5, []
+    config = FollowingConfig(forgetting=0.99, window=45)
+    for _ in range(runs):
+        *_, (_, _, memory) = _told("walk", model, _readings(model, acting, rng), deflection, config)
+        K, o, var_K, var_o, _ = solved(memory.sums[0], memory.spread[0])
+        z.append([(K - 0.6) / np.sqrt(var_K), (o - 0.5) / np.sqrt(var_o)])
+    squares = np.sum(np.square(z), axis=0)
+    low, high = chi2.ppf([0.0005, 0.9995], runs)
+    assert np.all((low < squares) & (squares < high)), squares / runs
+
+
+def test_nis_is_chi_square_where_k_is_known(design: ShortPeriod, rng: np.random.Generator) -> None:
+    model, deflection = _model(design), _moving(4000)
+    config = FollowingConfig(forgetting=1.0, prior_effectiveness=0.6, prior_effectiveness_std=1e-6)
+    nis = [told.nis for _, told, _ in _told("walk", model, _readings(model, 0.6 * deflection, rng), deflection, config)]
+    # Innovations of a filter that is not optimal for a known input are correlated over its memory, some 15 ticks.
+    assert np.mean(nis[100:]) == pytest.approx(2.0, abs=4.0 * np.sqrt(4.0 / (3900 / 15)))
+
+
+def test_the_noise_of_the_position_feedback_is_in_the_variance(design: ShortPeriod, rng: np.random.Generator) -> None:
+    """Half a degree of it: without its share the errors would be several standard deviations."""
+    model, acting, runs = _model(design), _moving(90), 200
+    z: dict[float, list[float]] = {0.0: [], 0.5: []}
+    for _ in range(runs):
+        read, ys = acting + 0.5 * rng.standard_normal(acting.size), _readings(model, acting, rng)
+        for std in z:
+            *_, (_, _, memory) = _told("walk", model, ys, read, FollowingConfig(forgetting=1.0), position_std_deg=std)
+            K, _, var, _, _ = solved(memory.sums[0], memory.spread[0])
+            z[std].append((K - 1.0) / np.sqrt(var))
+    assert np.mean(np.square(z[0.0])) > 2.0
+    assert np.var(z[0.5]) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / runs))
+
+
+def test_false_alarms_come_at_the_rate_that_is_asked_for(design: ShortPeriod, rng: np.random.Generator) -> None:
+    """Nothing beside K, no tolerance: a window's o beyond the threshold, and two in a row on the same side, against binomial bounds."""
+    config = FollowingConfig(false_alarm=0.02, offset_rad=0.0, follow_disturbances=False)
+    assert config.threshold == pytest.approx(norm.isf(0.1))
+    model, deflection = _model(design), _moving(70_000)
+    ys, last = _readings(model, 0.8 * deflection, rng), 0.0
+    windows = beyond = twice = 0
+    for k, (_, _, memory) in enumerate(_told("walk", model, ys, deflection, config)):
+        if k > 0 and memory.ages[1] == 0.0:  # closed now
+            said, windows = memory.said[1], windows + 1
+            beyond += said != 0.0
+            twice += said != 0.0 and said == last
+            last = said
+    assert windows == 70_000 // 45
+    for found, rate in ((beyond, 0.2), (twice, 0.02)):
+        low, high = binom.ppf([0.0005, 0.9995], windows, rate)
+        assert low <= found <= high, (found, windows, rate)
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize(
+    ("acting", "verdict"),
+    [
+        (lambda d: 0.4 * d, kernels.EXPLAINED),
+        (lambda d: d + 1.0, kernels.BESIDE),
+        (lambda d: np.full_like(d, 1.5), kernels.BESIDE),
+    ],
+    ids=["weak", "biased", "came off"],
+)
+def test_what_no_effectiveness_explains_is_told(
+    design: ShortPeriod, rng: np.random.Generator, name: str, acting: object, verdict: float
+) -> None:
+    model, deflection = _model(design), _moving(500)
+    assert callable(acting)
+    now = np.where(np.arange(500) < 200, deflection, acting(deflection))
+    told = [t for _, t, _ in _told(name, model, _readings(model, now, rng), deflection, FollowingConfig())]
+    assert all(t.verdict == kernels.EXPLAINED for t in told[:200])
+    assert told[-1].verdict == verdict
+    assert told[-1].alarms == (verdict != kernels.EXPLAINED)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_surface_that_follows_its_position_but_no_command_is_told(
+    design: ShortPeriod, rng: np.random.Generator, name: str
+) -> None:
+    model, commanded = _model(design), _moving(500)
+    position = np.where(np.arange(500) < 200, commanded, commanded[200])
+    ys = _readings(model, position, rng)
+    told = [t for _, t, _ in _told(name, model, ys, position, FollowingConfig(), commanded=commanded)]
+    assert told[199].verdict == kernels.EXPLAINED
+    assert (told[-1].verdict, told[-1].alarms) == (kernels.ACTUATOR, 1.0)
+    again = [t for _, t, _ in _told(name, model, ys, position, FollowingConfig())]  # nobody told the command
+    assert (again[-1].verdict, again[-1].alarms) == (kernels.EXPLAINED, 0.0)
+
+
+def test_a_verdict_is_taken_back_when_it_holds_no_longer(design: ShortPeriod, rng: np.random.Generator) -> None:
+    model, deflection = _model(design), _moving(900)
+    k = np.arange(900)
+    acting = deflection + np.where((k >= 200) & (k < 500), 1.0, 0.0)
+    told = [t for _, t, _ in _told("walk", model, _readings(model, acting, rng), deflection, FollowingConfig())]
+    assert (told[490].verdict, told[-1].verdict, told[-1].alarms) == (kernels.BESIDE, kernels.EXPLAINED, 1.0)
+
+
+def test_what_is_put_to_the_readings_forgets_its_windows_and_its_error(
+    design: ShortPeriod, rng: np.random.Generator
+) -> None:
+    model, deflection = _model(design), _moving(100)
+    *_, (_, _, memory) = _told("walk", model, _readings(model, deflection, rng), deflection, FollowingConfig())
+    reopen(memory, 45)
+    np.testing.assert_array_equal(memory.noise[:2, :2], np.eye(2))
+    assert not memory.response[:2].any()
+    assert not memory.sums[1:].any()
+    np.testing.assert_array_equal(memory.ages[1:], [0.0, -15.0, -30.0] * 2)
+    assert memory.sums[0].any()  # K is not forgotten
+
+
+def test_compiled_and_plain_are_the_same(design: ShortPeriod, rng: np.random.Generator) -> None:
+    model, deflection, config = _model(design), _moving(120), FollowingConfig()
+    ys = _readings(model, 0.5 * deflection, rng)
+    method, settings = _method("walk"), packed(config, 0.0)
+    one, other = begin(3, config), begin(3, config)
+    plain = getattr(follow, "py_func", follow)
+    method.begin(model, ys[0])
+    for k, y in enumerate(ys):
+        found = method.take(model, y)
+        given = (settings, found.F, found.G, Q, model.B[:, 0], found.innovation, found.input, deflection[k - 1], nan)
+        np.testing.assert_allclose(plain(*other, *given), follow(*one, *given), rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "problem"),
+    [
+        ("forgetting", 0.0, r"forgetting must be in \(0, 1\] \(got 0.0\)"),
+        ("window", 5, r"window must be at least 6 ticks \(got 5\)"),
+        ("false_alarm", 0.5, r"false_alarm must be between 0 and 0.5 \(got 0.5\)"),
+        ("offset_rad", -1.0, r"offset_rad must not be negative \(got -1.0\)"),
+    ],
+)
+def test_a_setting_out_of_its_range_is_refused(key: str, value: float, problem: str) -> None:
+    with pytest.raises(ValueError, match=problem):
+        FollowingConfig(**{key: value})

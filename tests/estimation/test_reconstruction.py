@@ -1,0 +1,317 @@
+"""The elevator's acting deflection on the aircraft: how near it comes, K from it, and what no K explains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flightbed import registry
+from flightbed.aircraft import Actuator
+from flightbed.assembly import assemble, sensor_noise
+from flightbed.consistency import idle_keys
+from flightbed.errors import ScenarioError
+from flightbed.estimation.actuator import ActuatorOnBoard
+from flightbed.estimation.base import Estimator, OnBoard
+from flightbed.estimation.following_kernels import ACTUATOR, BESIDE
+from flightbed.estimation.reconstruction import ElevatorReconstruction, ReconstructionConfig
+from flightbed.estimation.reconstruction_methods import WalkSettings
+from flightbed.fused import rows_of
+from flightbed.loop import fly
+from flightbed.mission import run
+from flightbed.plan import plan
+from flightbed.scenario import load_scenario
+from flightbed.settings import Scenario
+from flightbed.signals import Measurement
+from flightbed.trace import Trace, collect, read_trace
+from flightbed.units import DEG
+from tests.lateral_flight import rolling
+
+NAMES = ("retrospective", "random-walk")
+KINDS = dict(zip(NAMES, ("retrospective-cost", "input-kalman"), strict=True))
+BOTH = [f'estimators.{1 + i}={{name="{name}", kind="{kind}"}}' for i, (name, kind) in enumerate(KINDS.items())]
+
+
+def _flown(name: str, *settings: str) -> Trace:
+    added = () if "retrospective" in {e.name for e in load_scenario(name).estimators} else BOTH
+    return run(load_scenario(name, [*added, *settings])).trace
+
+
+def _error(trace: Trace, name: str) -> np.ndarray:
+    """Reconstructed less what acted, on the mean of the period that ended at a tick; deg."""
+    return np.asarray(trace[f"{name}.reconstructed_deg"] - trace["elevator_acting_deg"])
+
+
+def _first(trace: Trace, name: str) -> tuple[float, float]:
+    """Time of the first verdict, s (infinite without one), and what it says."""
+    raised = np.flatnonzero(trace[f"{name}.verdict"] > 0.0)
+    return (
+        (float(trace["t_s"][raised[0]]), float(trace[f"{name}.verdict"][raised[0]])) if raised.size else (np.inf, 0.0)
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_deflection_that_acts_is_found_and_k_with_it(seed: int) -> None:
+    trace = _flown("elevator-loss", f"seed={seed}")
+    late = trace["t_s"] > 5.0
+    truth, scheduled = trace["effectiveness_true"], trace["scheduled.effectiveness"]
+    for name, rms_deg in zip(NAMES, (0.35, 0.26), strict=True):
+        error = _error(trace, name)[100:]
+        assert np.sqrt(np.mean(error**2)) < rms_deg  # what acts moves by 1.3 deg RMS
+        assert np.all(np.abs(trace[f"{name}.reconstructed_deg"]) < 30.0)
+        off = np.median(np.abs(trace[f"{name}.effectiveness"] - truth)[late])
+        assert off < 0.006
+        assert off < 2.0 * np.median(np.abs(scheduled - truth)[late])
+        assert trace[f"{name}.alarms"][-1] == 0.0  # K explains it all
+
+
+def _readings(scenario: Scenario) -> list[tuple[Measurement, float]]:
+    return [(sample.measurement, sample.elevator_cmd_rad) for sample in fly(assemble(plan(scenario)))]
+
+
+def _new(scenario: Scenario, name: str) -> Estimator:
+    index = [e.name for e in scenario.estimators].index(name)
+    estimator = assemble(plan(scenario)).estimators[index]
+    assert isinstance(estimator, ElevatorReconstruction)
+    return estimator
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_neither_position_nor_command_nor_k_enter_the_reconstruction(name: str) -> None:
+    """Fed readings whose elevator stands still, it says the same to the last bit; K then is another one."""
+    scenario = load_scenario("elevator-loss", [*BOTH, "duration_s=6"])
+    told, silent = _new(scenario, name), _new(scenario, name)
+    last = []
+    for measurement, command in _readings(scenario):
+        hidden = measurement._replace(elevator_rad=0.05, elevator_mean_rad=0.05)
+        one, other = told.update(measurement), silent.update(hidden)
+        told.commanded(command)  # type: ignore[attr-defined]
+        assert one.reconstructed_rad == other.reconstructed_rad
+        last = [one, other]
+    assert abs(last[0].effectiveness_raw - last[1].effectiveness_raw) > 0.1
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    ("scenario", "verdict", "within_s"),
+    [
+        ("elevator-stuck", ACTUATOR, (1.5, 1.5)),
+        ("elevator-floating", BESIDE, (1.5, 0.6)),
+        ("elevator-bias", BESIDE, (2.5, 2.5)),
+    ],
+)
+def test_what_no_k_explains_is_recognised(
+    scenario: str, verdict: float, within_s: tuple[float, float], name: str
+) -> None:
+    trace = _flown(scenario)
+    at_s, said = _first(trace, name)
+    assert 5.2 < at_s <= 5.2 + within_s[NAMES.index(name)]
+    assert said == verdict
+    after = trace["t_s"] > at_s
+    assert np.sqrt(np.mean(_error(trace, name)[after] ** 2)) < 1.2  # the aircraft may be on its way out, at 90 deg/s
+    if scenario == "elevator-bias":
+        assert trace[f"{name}.offset_deg"][-1] == pytest.approx(1.0, abs=0.5)
+        # What the filter of K alone makes of it is half the effectiveness; with the offset K is what it is.
+        assert trace["scheduled.effectiveness"][-1] < 0.7
+        assert trace[f"{name}.effectiveness"][-1] > 0.9
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_hardover_is_recognised_before_the_aircraft_is_lost(name: str) -> None:
+    trace = _flown("elevator-hardover", "duration_s=7")
+    at_s, said = _first(trace, name)
+    assert 5.2 < at_s < trace["t_s"][-1] < 6.2
+    assert said == ACTUATOR
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ["failures=[]"],
+        ["failures=[]", "command.kind=none"],
+        ["failures=[]", "atmosphere.turbulence=moderate"],
+        ["failures=[]", "rates.delay_ticks=3"],
+        ["failures=[]", "sensors.elevator_std_deg=0.1"],
+        ["failures=[{kind='ramp', at_s=4.5, to=0.3, over_s=2.0}]"],
+    ],
+    ids=["calm", "level", "turbulence", "delay", "noisy position", "ramp"],
+)
+def test_nothing_is_declared_where_k_explains_all(settings: list[str]) -> None:
+    for seed in range(3):
+        trace = _flown("elevator-loss", *settings, f"seed={seed}")
+        assert len(trace) == 1650
+        for name in NAMES:
+            assert trace[f"{name}.alarms"][-1] == 0.0, (name, seed)
+
+
+@pytest.mark.parametrize("delay_ticks", [0, 2])
+def test_the_actuator_on_board_is_the_limit_of_the_aircrafts(delay_ticks: int) -> None:
+    """JSBSim's goes on by whole plant steps: twice the rate, half the difference of the mean position over a period."""
+    off_deg = []
+    for plant_hz in (100, 200, 400):
+        settings = ["failures=[]", f"rates.plant_hz={plant_hz}", f"rates.delay_ticks={delay_ticks}", "duration_s=8"]
+        planned = plan(load_scenario("elevator-loss", settings))
+        actuator, apart = ActuatorOnBoard(planned.aircraft.actuator, 100, delay_ticks), []
+        assert np.isnan(actuator.mean())  # before anybody told it anything
+        for sample in fly(assemble(planned)):
+            apart.append((actuator.mean() - sample.truth.elevator_mean_rad) / DEG)
+            actuator.commanded(sample.elevator_cmd_rad)
+        off_deg.append(np.sqrt(np.mean(np.square(apart[100:]))))
+    assert off_deg[1] < 0.03
+    assert off_deg[0] / off_deg[1] == pytest.approx(2.0, abs=0.3)
+    assert off_deg[1] / off_deg[2] == pytest.approx(2.0, abs=0.3)
+
+
+def test_the_actuator_on_board_keeps_its_rate_and_its_stops() -> None:
+    actuator, hz = Actuator(lag_rad_s=20.0, rate_limit_rad_s=1.0, min_rad=-0.3, max_rad=0.3), 100
+    onboard = ActuatorOnBoard(actuator, hz, 0)
+    onboard.commanded(0.0)
+    onboard.mean()
+    means = []
+    for _ in range(100):
+        onboard.commanded(5.0)
+        means.append(onboard.mean())
+    assert np.diff(means[:20]) == pytest.approx(1.0 / hz)  # at its rate
+    assert means[0] == pytest.approx(0.5 / hz)
+    assert means[-1] == pytest.approx(0.3, abs=1e-6)
+    assert max(means) <= 0.3
+
+
+def test_only_who_reconstructs_has_columns_for_it_and_they_survive_a_file(tmp_path: Path) -> None:
+    trace = _flown("elevator-bias", "duration_s=6")
+    own = {"reconstructed_deg", "reconstructed_std_deg", "offset_deg", "offset_std_deg", "verdict"}
+    for name in ("scheduled", *NAMES):
+        columns = {column.partition(".")[2] for column in trace.columns if column.startswith(f"{name}.")}
+        assert (own <= columns) == (name in NAMES)
+        assert (own & columns == set()) == (name not in NAMES)
+    acting = trace["effectiveness_true"] * trace["elevator_mean_meas_deg"] + trace["elevator_offset_deg"]
+    np.testing.assert_allclose(trace["elevator_acting_deg"], acting, atol=1e-12)  # the feedback has no noise here
+    assert "elevator_acting_deg" not in run(load_scenario("level-loss", ["duration_s=5"])).trace.columns
+    file = tmp_path / "trace.parquet"
+    trace.write(file)
+    again = read_trace(file)
+    for column in trace.columns:
+        np.testing.assert_array_equal(again[column], trace[column])
+
+
+def test_a_flight_with_a_reconstruction_is_left_to_fly() -> None:
+    scenario = load_scenario("elevator-bias", ["duration_s=3", "failures=[]"])
+    assert rows_of(assemble(plan(scenario))) is None
+    names = [e.name for e in scenario.estimators]
+    plain = collect(fly(assemble(plan(scenario))), estimators=names, control_hz=100)
+    alone = run(load_scenario("elevator-bias", ["duration_s=3", "failures=[]", "estimators.1.unknown=gust"])).trace
+    for column in (c for c in plain.columns if c.startswith("scheduled.")):  # nor do they disturb the others
+        np.testing.assert_array_equal(alone[column], plain[column], err_msg=column)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_law_can_be_corrected_by_it(name: str) -> None:
+    own = run(load_scenario("elevator-loss", [*BOTH, f"adaptation.estimator={name}"]))
+    theirs = run(load_scenario("elevator-loss", BOTH))
+    assert not own.summary["departed"]
+    found, best = own.summary["tracking_rms_post_deg_s"], theirs.summary["tracking_rms_post_deg_s"]
+    assert found < 1.3 * best
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_flies_where_aileron_and_rudder_are_commanded(name: str) -> None:
+    table = f'estimators=[{{name="{name}", kind="{KINDS[name]}"}}]'
+    trace = run(rolling([table, "adaptation.enabled=false", "failures=[]", "duration_s=6"])).trace
+    assert trace[f"{name}.alarms"][-1] == 0.0
+    assert np.sqrt(np.mean(_error(trace, name)[100:] ** 2)) < 0.6
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_readings_that_jump_put_it_to_the_readings(name: str) -> None:
+    """A spike of a thousand deg/s: it begins anew and is right again within a second."""
+    scenario = load_scenario("elevator-loss", [*BOTH, "failures=[]", "duration_s=4"])
+    estimator, errors = _new(scenario, name), []
+    for k, (measurement, _) in enumerate(_readings(scenario)):
+        spike = measurement._replace(q_rad_s=2000.0) if k == 200 else measurement
+        found = estimator.update(spike)
+        assert np.all(np.isfinite(found))
+        errors.append((found.reconstructed_rad - measurement.elevator_mean_rad) / DEG)
+    assert np.sqrt(np.mean(np.square(errors[320:]))) < 0.5
+
+
+def test_without_a_schedule_on_board_it_says_so() -> None:
+    planned = plan(load_scenario("nominal", ["estimators=[]", "adaptation.enabled=false"]))
+    assert planned.schedule is None
+    onboard = registry.factory("estimators", "input-kalman")
+    settings = load_scenario("elevator-loss", BOTH).estimators[2]
+    board = OnBoard(planned.design, sensor_noise(planned.scenario), 100)
+    with pytest.raises(ValueError, match="the estimator's model is the schedule, but there is none on board"):
+        onboard(settings, board)
+    config = ReconstructionConfig(WalkSettings(), scheduled=False)
+    found = ElevatorReconstruction(config, board).update(Measurement(0.01, 0.0, -0.02, -0.02))
+    assert np.isfinite(found.reconstructed_rad)
+    quiet = ElevatorReconstruction(config, replace(board, actuator=None))
+    quiet.commanded(0.1)  # nobody to tell
+
+
+ONE = 'estimators.0={name="one", kind="retrospective-cost"}'
+WALK = 'estimators.0={name="one", kind="input-kalman"}'
+GUST = 'estimators.0={name="one", kind="retrospective-cost", unknown="gust"}'
+
+
+@pytest.mark.parametrize(
+    ("overrides", "problem"),
+    [
+        ([ONE, "estimators.0.window=5"], "estimators.0.window: must be at least 6 with kind = 'retrospective-cost' (got 5)"),
+        ([ONE, "estimators.0.input_step_deg=1"], "estimators.0.input_step_deg: has no effect with estimators.0.kind = 'retrospective-cost'"),
+        ([ONE, "estimators.0.memory=window"], "estimators.0.memory: has no effect with estimators.0.kind = 'retrospective-cost'"),
+        ([ONE, "estimators.0.prior.state=fixed"], "estimators.0.prior.state: has no effect with estimators.0.kind = 'retrospective-cost'"),
+        *(([WALK, f"estimators.0.{key}=1"], f"estimators.0.{key}: has no effect with estimators.0.kind = 'input-kalman'") for key in ("order", "horizon", "regularization", "initial_covariance", "input_forgetting", "saturation_deg")),
+        *(([GUST, f"estimators.0.{key}=0.5"], f"estimators.0.{key}: has no effect with estimators.0.unknown = 'gust'") for key in ("forgetting", "smoothing", "false_alarm", "offset_deg", "alpha_disturbance_deg_s")),
+        *(([f"estimators.0.{key}=1"], f"estimators.0.{key}: has no effect with estimators.0.kind = 'loop-gain'") for key in ("order", "offset_deg", "input_step_deg")),
+        (["estimators.0.unknown=gust"], "estimators.0.unknown: has no effect with estimators.0.kind = 'loop-gain'"),
+        ([GUST, "adaptation.enabled=true", "adaptation.estimator=one"], "adaptation.estimator: must estimate the elevator (got 'one', whose unknown is the gust)"),
+        (["gusts.0={at_s=1, up_fps=5}"], "gusts.0.rise_s: is missing; a gust of shape '1-cos' needs it"),
+        (["gusts.0={at_s=1, up_fps=5, shape='sine'}"], "gusts.0.frequency_hz: is missing; a gust of shape 'sine' needs it"),
+        (["gusts.0={at_s=1, up_fps=5, shape='sine', frequency_hz=1}", "gusts.0.rise_s=1"], "gusts.0.rise_s: has no effect with gusts.0.shape = 'sine'"),
+        (["gusts.0={at_s=1, up_fps=5, rise_s=1}", "gusts.0.frequency_hz=1"], "gusts.0.frequency_hz: has no effect with gusts.0.shape = '1-cos'"),
+    ],
+)  # fmt: skip
+def test_keys_that_contradict_or_have_no_effect_are_refused(overrides: list[str], problem: str) -> None:
+    fixed = [] if "adaptation.enabled=true" in overrides else ["adaptation.enabled=false"]
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", [*fixed, *overrides])
+    assert any(text.endswith(problem) for text in caught.value.problems), caught.value.problems
+
+
+def test_its_keys_are_welcome_where_they_act() -> None:
+    keys = {
+        ONE: ("order", "horizon", "regularization", "initial_covariance", "saturation_deg", "window", "offset_deg", "false_alarm", "q_disturbance_deg_s2"),
+        WALK: ("input_step_deg", "window", "forgetting", "smoothing", "offset_deg", "prior.effectiveness", "alpha_disturbance_deg_s"),
+    }  # fmt: skip
+    for table, own in keys.items():
+        sets = [
+            f"estimators.0.{key}={10 if key in ('order', 'horizon', 'window') else 0.4 if key == 'false_alarm' else 0.5}"
+            for key in own
+        ]
+        sets = [text.replace("forgetting=0.5", "forgetting=0.9") for text in sets]
+        idle = idle_keys(load_scenario("elevator-loss", ["adaptation.enabled=false", table, *sets]))
+        assert not {f"estimators.0.{key}" for key in own} & set(idle)
+
+
+def test_every_key_of_the_method_does_something() -> None:
+    readings = _readings(load_scenario("elevator-bias", ["duration_s=8"]))
+
+    def final(table: str, *more: str) -> tuple[float, ...]:
+        scenario = load_scenario("elevator-loss", ["adaptation.enabled=false", table, *more])
+        estimator, said = assemble(plan(scenario)).estimators[0], []
+        for measurement, _ in readings:
+            said.append(estimator.update(measurement))
+        return (*said[-1][:4], said[300].reconstructed_rad, said[-1].offset_rad, sum(e.verdict for e in said))
+
+    for table, sets in {
+        ONE: ("order=2", "horizon=3", "regularization=3", "initial_covariance=0.1", "input_forgetting=0.99", "saturation_deg=2", "window=60",
+              "forgetting=0.9", "smoothing=0.5", "bounds=[0.0, 0.7]", "offset_deg=3", "q_disturbance_deg_s2=3", "model=short-period",
+              "prior.effectiveness_std=0.01", "follow_disturbances=false"),
+        WALK: ("input_step_deg=0.02", "false_alarm=1e-300", "alpha_disturbance_deg_s=3", "prior.effectiveness=0.1"),
+    }.items():  # fmt: skip
+        plain = final(table)
+        for text in sets:
+            assert final(table, f"estimators.0.{text}") != plain, text
