@@ -1,0 +1,86 @@
+"""The estimators that are compared, a row each: their settings, and what they take for granted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+TOLD = "told K"  # not an estimator: the scenario tells the law the true K
+FIXED = "not corrected"
+HEALTHY = "nothing fails"
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """An estimator as it is flown.
+
+    Attributes:
+        name: what it is called in the scenarios and in the tables.
+        settings: of its ``[[estimators]]`` but for the name; all others are at their defaults.
+        known: what it takes for known.
+        unknown: what it finds.
+        noise: how it takes noise and disturbances.
+
+    """
+
+    name: str
+    settings: Mapping[str, Any]
+    known: str
+    unknown: str
+    noise: str
+
+    def table(self) -> dict[str, Any]:
+        """Return its ``[[estimators]]``."""
+        return {"name": self.name, **self.settings}
+
+
+_SENSORS = "white noise of known size on alpha and q"
+
+ENTRANTS: tuple[Entrant, ...] = (
+    Entrant(
+        "scheduled",
+        {"kind": "loop-gain", "model": "scheduled", "memory": "window", "window": 30},
+        "pitch motion over Mach number and alpha, for a healthy aircraft",
+        "K, constant over the window; that it has changed",
+        f"{_SENSORS}; disturbances of alpha and q as large as the readings show",
+    ),
+    Entrant(
+        "short-period",
+        {"kind": "loop-gain", "model": "short-period", "memory": "window", "window": 30},
+        "two-state linear model at the trim point",
+        "K, constant over the window",
+        f"{_SENSORS}; white disturbances of fixed size",
+    ),
+    Entrant(
+        "expanding",
+        {"kind": "loop-gain", "model": "short-period", "memory": "expanding"},
+        "two-state linear model at the trim point",
+        "K, constant for the whole flight",
+        f"{_SENSORS}; white disturbances of fixed size",
+    ),
+    Entrant(
+        "differentiated-rls",
+        {"kind": "differentiated-rls"},
+        "pitch motion over Mach number and alpha, for a healthy aircraft",
+        "K, drifting as fast as residuals ask for",
+        "none in the regressor; filtered pitch acceleration with white residuals of the size that the noise of q gives",
+    ),
+    Entrant(
+        "two-stage",
+        {"kind": "two-stage", "memory": "variable", "window": 3},
+        "pitch motion over Mach number and alpha, for a healthy aircraft",
+        "K, a slow random walk; that it is not 1",
+        f"{_SENSORS}; disturbances of alpha and q as large as the readings show",
+    ),
+)
+
+
+def inline(value: object) -> str:
+    """Return plain values as TOML on one line."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {inline(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "[" + ", ".join(map(inline, value)) + "]"
+    return json.dumps(value)
