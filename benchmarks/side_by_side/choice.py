@@ -123,7 +123,11 @@ def _quiet(results: Results) -> list[str]:
     quietest = ", ".join(f"**{name}**" for name, count in counts.items() if count == min(counts.values()))
     told = ", ".join(f"{name} {count}" for name, count in counts.items())
     wrong = [(flight, name, raised) for flight, name, raised in _raised(results) if flight in results.steady and raised]
-    missed = [(flight, name, results.runs - raised) for flight, name, raised in _raised(results) if flight not in results.steady]
+    missed = [
+        (flight, name, results.runs - raised)
+        for flight, name, raised in _raised(results)
+        if flight not in results.steady
+    ]
     return [
         f"Where an alarm must not come without a failure: {quietest}. Healthy flights with an alarm, of {total}: {told}.",
         f"No alarm although K changes: {_listed(results, [one for one in missed if one[2]])}. "
