@@ -1,6 +1,6 @@
 """All estimators side by side: what they assume, what they cost, and how they do on one set of flights; the tables of docs/estimators.md.
 
-    python benchmarks/estimators.py [--runs 100] [--workers N]      # fly, and print the tables
+    python benchmarks/estimators.py [--runs 80] [--workers N]      # fly, and print the tables
     python benchmarks/estimators.py --write                         # write them into docs/estimators.md and README.md, too
     python benchmarks/estimators.py --quick --runs 1                # short flights: does it work? Their figures mean nothing
 
@@ -32,7 +32,7 @@ ROUNDS = 9
 def main(arguments: Sequence[str]) -> int:
     """Fly what is asked for, print the tables, and write them if asked to."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=100, help="seeds of each flight")
+    parser.add_argument("--runs", type=int, default=80, help="seeds of each flight")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--write", action="store_true", help="into the documents")
     parser.add_argument("--quick", action="store_true", help="a smoke run: its figures mean nothing")

@@ -157,6 +157,7 @@ def fly_set(
         unfit |= {(flight.name, name): why for name, why in refused.items() if why is not None}
         fit = [e for e in entrants if refused[e.name] is None]
         together = course.together(flight, fit)
+        tested = [e for e in fit if e.name in detectors(together)]
         kept = (
             "t_s",
             true_share(""),
@@ -165,18 +166,17 @@ def fly_set(
         jobs = [Job(together, runs, kept), Job(course.corrected(flight, FIXED), runs)]
         jobs += [Job(course.corrected(flight, e), runs) for e in fit]
         new = flight.without not in twins
-        jobs += [Job(course.healthy(flight, fit), runs, _TRACKING)] if new else []
+        jobs += [Job(course.healthy(flight, tested), runs, _TRACKING)] if new else []
         shared, fixed, *others = fly_jobs(jobs, executor=executor)
         if all(np.all(flown.columns[true_share("")] == 1.0) for flown in shared):
             steady.add(flight.name)
-        tests = detectors(together)
         for entrant in fit:
-            estimates[flight.name, entrant.name] = estimated(shared, entrant.name, tests=entrant.name in tests)
+            estimates[flight.name, entrant.name] = estimated(shared, entrant.name, tests=entrant in tested)
         flew[flight.name, TOLD], flew[flight.name, FIXED] = corrected(shared), corrected(fixed)
         flew |= {(flight.name, e.name): corrected(flown) for e, flown in zip(fit, others[: len(fit)], strict=True)}
-        if new:
+        if new:  # flown with those that raise alarms alone: of the others it tells nothing
             twins[flight.without] = others[-1]
-            healthy[flight.without] = _without_failure(others[-1], [e.name for e in fit if e.name in tests])
+            healthy[flight.without] = _without_failure(others[-1], [e.name for e in tested])
         flew[flight.name, HEALTHY] = _undisturbed(
             twins[flight.without], min(f.at_s for f in together.failures) + SETTLING_S
         )
