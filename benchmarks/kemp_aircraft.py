@@ -1,6 +1,6 @@
 """Kemp's chapter 6 on JSBSim's F-16: adaptive against scheduled, flutter and its remedies, elevator losses, accelerometer noise, time.
 
-    python benchmarks/kemp_aircraft.py [--runs 20] [--workers N]
+    python benchmarks/kemp_aircraft.py [--runs 20] [--workers N] [--only PART ...]
 
 1. Cases 1 to 3 of the thesis, the latter also behind a prefilter and with commands that come a tick late: overshoot, undershoot, what the
    c.g. shift does, flutter, use of the elevator's rate. The seeds vary the sensors' noise.
@@ -62,6 +62,7 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "3, prefilter 3 rad/s": ("throttle-and-cg", PREFILTER),
     "2, a tick late": ("cg-shift", ("rates.delay_ticks=1",)),
 }
+LOSS_LAWS = ("scheduled", "scheduled, as slow", "adaptive", "adaptive, thesis")
 LOSSES = (0.5, 0.35, 0.2, 0.1)
 NOISES_G = (0.002, 0.005, 0.01)
 
@@ -156,10 +157,9 @@ def cases(runs: int, executor: Executor | None) -> None:
 
 
 def losses(runs: int, executor: Executor | None) -> None:
-    """Print elevator losses without accelerometer noise, and with it."""
-    laws = ("scheduled", "scheduled, as slow", "adaptive", "adaptive, thesis")
+    """Print elevator losses without accelerometer noise, and flutter without any."""
     wanted = {
-        f"K = {to}": {law: load_scenario("pull-up-loss", (f"failures.0.to={to}", *LAWS[law])) for law in laws}
+        f"K = {to}": {law: load_scenario("pull-up-loss", (f"failures.0.to={to}", *LAWS[law])) for law in LOSS_LAWS}
         for to in LOSSES
     }
     for case, laws in wanted.items():
@@ -182,9 +182,13 @@ def losses(runs: int, executor: Executor | None) -> None:
             found = pull_up(flown.columns, control_hz=100, ticks=0)
             told.append(f"{case} {found.flutter_deg:6.3f}")
         print(f"{law:>22} | " + " | ".join(told))
+
+
+def noise(runs: int, executor: Executor | None) -> None:
+    """Print cases and a loss with noise on the accelerometer."""
     noisy = {
         f"{name}, accelerometer {std:g} g": {
-            law: load_scenario(name, (f"sensors.nz_std_g={std}", *LAWS[law])) for law in laws
+            law: load_scenario(name, (f"sensors.nz_std_g={std}", *LAWS[law])) for law in LOSS_LAWS
         }
         for std in NOISES_G
         for name in ("cg-shift", "throttle-and-cg", "pull-up-loss")
@@ -277,19 +281,30 @@ def times() -> None:
         print(f"{f'plid, {form}, {precision}':>22} | {np.median(rounds):6.1f}")
 
 
+# What there is to print, and how many runs of it are enough.
+PARTS: dict[str, tuple[Callable[[int, Executor | None], None], int]] = {
+    "cases": (cases, 1000),
+    "losses": (losses, 1000),
+    "noise": (noise, 1000),
+    "loops": (loops, 5),
+    "speeds": (speeds, 5),
+    "beside": (beside, 1000),
+}
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print everything."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", nargs="+", choices=[*PARTS, "times"], default=[*PARTS, "times"])
     given = parser.parse_args(arguments)
     with processes(given.workers) as executor:
-        cases(given.runs, executor)
-        losses(given.runs, executor)
-        loops(min(given.runs, 5), executor)
-        speeds(min(given.runs, 5), executor)
-        beside(given.runs, executor)
-    times()
+        for name, (part, most) in PARTS.items():
+            if name in given.only:
+                part(min(given.runs, most), executor)
+    if "times" in given.only:
+        times()
     return 0
 
 

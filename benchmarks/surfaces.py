@@ -23,13 +23,11 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
+from side_by_side.cost import costs_us
 
-from flightbed.assembly import assemble
 from flightbed.document import show
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.estimation.bias_test import chi_square_threshold
-from flightbed.loop import fly, teller
-from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
 from flightbed.statistics import median_interval, share
@@ -120,23 +118,12 @@ def wolf(runs: int, executor: Executor | None) -> None:
 
 
 def _costs() -> dict[str, float]:
-    """Return what an update of each estimator takes, us, called from Python; medians of 9 flights."""
+    """Return what an update of each estimator takes, us, called from Python; medians of 9 rounds."""
     costs = {}
-    for scenario in ("elevator-loss", "aileron-loss"):
+    for scenario, surfaces in (("elevator-loss", "elevator"), ("aileron-loss", "three surfaces")):
         added = [f"estimators.1={VARIABLE}"] if scenario == "elevator-loss" else []
-        planned = plan(load_scenario(scenario, added))
-        samples = list(fly(assemble(planned)))
-        for i, settings in enumerate(planned.scenario.estimators):
-            taken = []
-            for _ in range(9):
-                estimator = assemble(planned).estimators[i]
-                tell = teller(estimator)
-                began = time.thread_time()
-                for sample in samples:
-                    tell(sample.measurement, sample.lateral and sample.lateral.measurement)
-                taken.append((time.thread_time() - began) / len(samples) * 1e6)
-            surfaces = "three surfaces" if scenario == "aileron-loss" else "elevator"
-            costs[f"{settings.name} ({surfaces})"] = float(np.median(taken))
+        taken = costs_us(load_scenario(scenario, added), 9)
+        costs |= {f"{name} ({surfaces})": float(np.median(values)) for name, values in taken.items()}
     return costs
 
 

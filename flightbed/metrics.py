@@ -21,7 +21,7 @@ Vector = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 SETTLING_S = 0.3  # "post" starts this long after the failure: one window of the thesis
-_BAND = 0.2  # of the true K: the thesis's settling band
+BAND = 0.2  # of the true K: the thesis's settling band
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def _estimator(
     smoothed, nis, t = trace[f"{name}.effectiveness_smoothed"], trace[f"{name}.nis"], trace["t_s"]
 
     def first_within(values: Vector) -> float | None:
-        inside = np.flatnonzero(failed & (np.abs(values - truth) <= _BAND * truth))
+        inside = np.flatnonzero(failed & (np.abs(values - truth) <= BAND * truth))
         return round(float(t[inside[0]] - t[failed][0]), 9) if inside.size else None
 
     return EstimatorMetrics(

@@ -1,0 +1,115 @@
+"""The estimators that are compared, a row each: their settings, and what they take for granted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+TOLD = "told K"  # not an estimator: the scenario tells the law the true K
+FIXED = "not corrected"
+HEALTHY = "nothing fails"
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """An estimator as it is flown.
+
+    Attributes:
+        name: what it is called in the scenarios and in the tables.
+        settings: of its ``[[estimators]]`` but for the name; all others are at their defaults.
+        known: what it takes for known.
+        unknown: what it finds.
+        noise: how it takes noise and disturbances.
+        alarm: what its alarms are about; "" for none.
+
+    """
+
+    name: str
+    settings: Mapping[str, Any]
+    known: str
+    unknown: str
+    noise: str
+    alarm: str = ""
+
+    def table(self) -> dict[str, Any]:
+        """Return its ``[[estimators]]``."""
+        return {"name": self.name, **self.settings}
+
+
+CHANGED = "K has changed"
+UNEXPLAINED = "no K explains it"
+_SENSORS = "white noise of known size on alpha and q"
+
+ENTRANTS: tuple[Entrant, ...] = (
+    Entrant(
+        "scheduled",
+        {"kind": "loop-gain", "model": "scheduled", "memory": "window", "window": 30},
+        "pitch motion over Mach number and alpha, for a healthy aircraft",
+        "K, constant over the window; that it has changed",
+        f"{_SENSORS}; disturbances of alpha and q as large as the readings show",
+        CHANGED,
+    ),
+    Entrant(
+        "short-period",
+        {"kind": "loop-gain", "model": "short-period", "memory": "window", "window": 30},
+        "two-state linear model at the trim point",
+        "K, constant over the window",
+        f"{_SENSORS}; white disturbances of fixed size",
+    ),
+    Entrant(
+        "expanding",
+        {"kind": "loop-gain", "model": "short-period", "memory": "expanding"},
+        "two-state linear model at the trim point",
+        "K, constant for the whole flight",
+        f"{_SENSORS}; white disturbances of fixed size",
+    ),
+    Entrant(
+        "differentiated-rls",
+        {"kind": "differentiated-rls"},
+        "pitch motion over Mach number and alpha, for a healthy aircraft",
+        "K, drifting as fast as residuals ask for",
+        "none in the regressor; filtered pitch acceleration with white residuals of the size that the noise of q gives",
+    ),
+    Entrant(
+        "two-stage",
+        {"kind": "two-stage", "memory": "variable", "window": 3},
+        "pitch motion over Mach number and alpha, for a healthy aircraft",
+        "K, a slow random walk; that it is not 1",
+        f"{_SENSORS}; disturbances of alpha and q as large as the readings show",
+        CHANGED,
+    ),
+    Entrant(
+        "plid",
+        {"kind": "plid"},
+        "of the same model the transfer function from elevator to pitch rate of the healthy aircraft, second order",
+        "all four coefficients of it, drifting; K is the numerator's share",
+        "q behind a band pass, white process noise as large as what is left of the noise of q",
+    ),
+    Entrant(
+        "retrospective-cost",
+        {"kind": "retrospective-cost"},
+        "pitch motion over Mach number and alpha, for a healthy aircraft, without the elevator's share",
+        "the deflection that acts, whatever makes it; K and an offset by regression on the measured one; whether K explains it",
+        "none in the reconstruction; in the regression the noise of alpha and q, raised to what the readings show",
+        UNEXPLAINED,
+    ),
+    Entrant(
+        "input-kalman",
+        {"kind": "input-kalman"},
+        "pitch motion over Mach number and alpha, for a healthy aircraft, without the elevator's share",
+        "the deflection that acts, a random walk; K and an offset by regression on the measured one; whether K explains it",
+        f"{_SENSORS}, white disturbances of fixed size; in the regression raised to what the readings show",
+        UNEXPLAINED,
+    ),
+)
+
+
+def inline(value: object) -> str:
+    """Return plain values as TOML on one line."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {inline(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "[" + ", ".join(map(inline, value)) + "]"
+    return json.dumps(value)
