@@ -278,7 +278,8 @@ def test_classes_at_hand_fly_under_a_name() -> None:
     assert result.trace[f"{scenario.estimators[0].name}.effectiveness"].tolist() == [0.25] * 20
     assert result.summary["estimators"]["b"]["nees_mean_post"] is None
     with pytest.raises(
-        ScenarioError, match=r"estimators\.0\.kind: unknown estimator; known: differentiated-rls, loop-gain"
+        ScenarioError,
+        match=r"estimators\.0\.kind: unknown estimator; known: differentiated-rls, input-kalman, loop-gain",
     ):
         load_scenario("nominal", ["estimators.0.kind=still"])
     with pytest.raises(UnknownNameError, match="unknown estimator 'still'"):

@@ -12,7 +12,7 @@ from flightbed.statistics import Interval, median_interval
 from .entrants import CHANGED, FIXED, TOLD, UNEXPLAINED
 from .flights import Flight
 from .measures import Results, Values
-from .tables import DASH, centre, lost, lost_of_all, middle, survivable, worst
+from .tables import DASH, centre, changing, lost, lost_of_all, middle, survivable, worst
 
 
 def not_worse(values: Mapping[str, Values]) -> tuple[str, ...]:
@@ -105,9 +105,16 @@ def _one_for_all(results: Results) -> str:
     largest = {e.name: worst(results, e.name) for e in results.entrants}
     order = sorted(largest, key=lambda name: largest[name])
     told = ", ".join(f"{name} {largest[name][0]:.3f} ({largest[name][1]})" for name in order)
+    others = []
+    for flight in changing(results) if len(changing(results)) > 1 else ():
+        less = {e.name: worst(results, e.name, without=flight.name)[0] for e in results.entrants}
+        first = min(less, key=lambda name: less[name])
+        if first != order[0]:
+            others.append(f"without {flight.name} {first}, {less[first]:.3f}")
+    depends = f" It hangs on the set of flights: {'; '.join(others)}." if others else ""
     return (
         f"One for all flights in which K changes: **{order[0]}**, whose error is smallest where it is largest. "
-        f"Largest median RMS errors: {told}."
+        f"Largest median RMS errors: {told}.{depends}"
     )
 
 

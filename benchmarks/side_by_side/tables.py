@@ -152,9 +152,9 @@ def centre(values: Values) -> float:
     return float(median(had)) if had else inf
 
 
-def worst(results: Results, name: str) -> tuple[float, str]:
+def worst(results: Results, name: str, *, without: str = "") -> tuple[float, str]:
     """Return the largest median RMS error over the flights in which K changes, and where; infinite where it cannot serve."""
-    found = [(results.estimates.get((f.name, name)), f.name) for f in changing(results)]
+    found = [(results.estimates.get((f.name, name)), f.name) for f in changing(results) if f.name != without]
     return max((inf if one is None else centre(one.rms), where) for one, where in found)
 
 

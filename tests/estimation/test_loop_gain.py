@@ -74,8 +74,12 @@ def test_innovations_are_white_with_the_sigma_that_the_filter_says(
         K = rng.normal(EXPANDING.prior_effectiveness, np.sqrt(EXPANDING.prior_effectiveness_var))
         samples, _ = fly_linear(design, config=EXPANDING, effectiveness=K, seed=int(rng.integers(2**31)), ticks=91)
         estimates = [s.estimates[0] for s in samples]
-        assert estimates[0][-4:] == (0.0, 0.0, 0.0, 0.0)
-        told.append([[e[-4] / e[-2], e[-3] / e[-1]] for e in estimates[1:]])
+        of = [
+            (e.innovation_alpha_rad, e.innovation_q_rad_s, e.innovation_alpha_std_rad, e.innovation_q_std_rad_s)
+            for e in estimates
+        ]
+        assert of[0] == (0.0, 0.0, 0.0, 0.0)
+        told.append([[alpha / alpha_std, q / q_std] for alpha, q, alpha_std, q_std in of[1:]])
     over = np.array(told)  # flights, ticks, readings
     n = over[..., 0].size
     for reading in range(2):
