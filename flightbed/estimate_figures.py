@@ -30,16 +30,26 @@ def number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
     return "-" if value is None or not np.isfinite(value) else format(value, spec) + unit
 
 
+def telling(result: Result, column: str = "effectiveness") -> list[str]:
+    """Return the estimates that say something of K, or of another column; one of a gust says nothing of K."""
+    return [name for name in result.trace.estimators if np.isfinite(result.trace[f"{name}.{column}"]).any()]
+
+
+def reconstructing(result: Result) -> list[str]:
+    """Return the estimators that reconstruct an unknown input."""
+    return [name for name in result.trace.estimators if f"{name}.reconstructed_deg" in result.trace.columns]
+
+
 def estimated(result: Result) -> list[str]:
     """Return the surfaces whose K is estimated."""
-    return [surface for surface in SURFACES if of_surface(result.trace.estimators, surface)]
+    return [surface for surface in SURFACES if of_surface(telling(result), surface)]
 
 
 def effectiveness(axes: list[Axes], result: Result) -> str:
     """Draw each estimate, its band and the truth of its surface, on axes of its own; returns how far they are from each other."""
     trace, words = result.trace, []
     t = trace["t_s"]
-    for axis, name in zip(axes, trace.estimators, strict=True):
+    for axis, name in zip(axes, telling(result), strict=True):
         truth, color = trace[true_share(name)], color_of(result, name)
         raw, std, smoothed = (trace[f"{name}.effectiveness{c}"] for c in ("", "_std", "_smoothed"))
         drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.4, label="truth")
@@ -66,7 +76,7 @@ def effectiveness(axes: list[Axes], result: Result) -> str:
 def nis(axes: list[Axes], result: Result) -> str:
     """Draw the NIS of each estimator with its 95 % bound; returns means and shares."""
     words = []
-    for axis, name in zip(axes, of_surface(result.trace.estimators, "elevator"), strict=True):
+    for axis, name in zip(axes, of_surface(telling(result, "nis"), "elevator"), strict=True):
         readings = result.summary["estimators"][name]["nis_expected"]
         bound = None if readings is None else chi_square_bound(readings)
         shown = _NIS_SHOWN if bound is None else 3.0 * bound
@@ -87,6 +97,31 @@ def nis(axes: list[Axes], result: Result) -> str:
     return " ".join(words)
 
 
+def reconstruction(axes: list[Axes], result: Result) -> str:
+    """Draw what each reconstruction says of its unknown input, and what that is; returns how far they are apart."""
+    trace, words = result.trace, []
+    of_gust = {e.name: getattr(e, "unknown", "") == "gust" for e in result.plan.scenario.estimators}
+    for axis, name in zip(axes, reconstructing(result), strict=True):
+        what, column = ("gust", "gust_alpha_deg") if of_gust[name] else ("elevator", "elevator_acting_deg")
+        found, truth = trace[f"{name}.reconstructed_deg"], trace[column]
+        drawing.line(axis, trace["t_s"], truth, color=drawing.TRUTH, linewidth=2.0, label="acts")
+        if not of_gust[name]:
+            drawing.line(
+                axis, trace["t_s"], trace["elevator_deg"], color=drawing.OTHER, linewidth=1.0, label="position"
+            )
+        drawing.line(axis, trace["t_s"], found, color=color_of(result, name), linewidth=0.7, label=f"'{name}'")
+        seen = truth[np.isfinite(truth)]
+        spare = 0.5 * float(np.ptp(seen)) + 0.5  # a transient of the reconstruction may be larger than all that acts
+        axis.set_ylim(seen.min() - spare, seen.max() + spare)
+        axis.set_ylabel(f"{what}, deg")
+        error = (found - truth)[np.isfinite(found - truth)]
+        rms = float(np.sqrt(np.mean(error**2))) if error.size else None
+        words.append(
+            f"'{name}': RMS error {number(rms, '.3f', ' deg')}, largest {number(np.abs(error).max(), '.2f', ' deg')}."
+        )
+    return " ".join(words)
+
+
 def sigma(axes: list[Axes], result: Result) -> str:
     """Draw what each estimate says of itself, surface by surface, and the bound of the elevator's; returns medians."""
     trace, words = result.trace, []
@@ -101,7 +136,7 @@ def sigma(axes: list[Axes], result: Result) -> str:
             alpha=0.45,
             label="Cramer-Rao bound",
         )
-    for name in trace.estimators:
+    for name in telling(result):
         std = trace[f"{name}.effectiveness_std"]
         axis = axes[shown.index(surface_of(name))]
         drawing.line(axis, t, np.where(std > 0.0, std, np.nan), color=color_of(result, name), label=f"'{name}'")

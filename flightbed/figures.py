@@ -10,7 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed import drawing
-from flightbed.estimate_figures import effectiveness, estimated, nis, number, sigma
+from flightbed.estimate_figures import (
+    effectiveness,
+    estimated,
+    nis,
+    number,
+    reconstructing,
+    reconstruction,
+    sigma,
+    telling,
+)
 from flightbed.metrics import at_stop
 from flightbed.naming import of_surface
 from flightbed.units import DEG
@@ -88,11 +97,11 @@ def _one(_result: Result) -> int:
 
 
 def _estimates(result: Result) -> int:
-    return len(result.trace.estimators)
+    return len(telling(result))
 
 
 def _estimators(result: Result) -> int:
-    return len(of_surface(result.trace.estimators, "elevator"))
+    return len(of_surface(telling(result, "nis"), "elevator"))
 
 
 def _range(values: Vector, spec: str, unit: str) -> str:
@@ -231,6 +240,11 @@ FIGURES = {
         "Chi-square if the filter's model holds, with as many degrees of freedom as it predicts readings: that is its mean, and 5 % lie "
         "above the bound.",
         _estimators, nis, height=1.6,
+    ),
+    "reconstruction": Figure(
+        "Reconstructed input",
+        "The elevator's deflection that acts, or a gust's angle of attack (told a tick late), by alpha and q alone.",
+        lambda result: len(reconstructing(result)), reconstruction,
     ),
     "sigma": Figure(
         "Standard deviation of K", "What each estimator says of itself, beside what no unbiased one can beat, where it can be computed.",

@@ -173,6 +173,20 @@ def test_every_shipped_scenario_has_a_sound_page(name: str) -> None:
     assert len(_table(document, "events")) >= len(result.plan.scenario.failures)
 
 
+@pytest.mark.parametrize(
+    ("name", "column"), [("elevator-stuck", "elevator_acting_deg"), ("harmonic-gust", "gust_alpha_deg")]
+)
+def test_a_reconstruction_is_drawn_beside_what_acts(name: str, column: str) -> None:
+    result = run(load_scenario(name))
+    pictures = {picture.key: picture for picture in run_report(result).pictures()}
+    assert _axes(pictures["reconstruction"].svg) == 2
+    error = result.trace["random-walk.reconstructed_deg"] - result.trace[column]
+    rms = np.sqrt(np.mean(error[np.isfinite(error)] ** 2))
+    assert f"'random-walk': RMS error {rms:.3f} deg" in pictures["reconstruction"].facts
+    says_k = 1 if name == "harmonic-gust" else 3  # a reconstructed gust says nothing of K
+    assert _axes(pictures["effectiveness"].svg) == says_k
+
+
 def test_a_flight_that_departs_says_so_first() -> None:
     result = run(load_scenario("elevator-loss-fixed"))
     document = run_report(result)

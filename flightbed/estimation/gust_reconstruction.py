@@ -130,10 +130,10 @@ def _estimate(state: Array, innovation: Array) -> Estimate:
     alpha, q, gust = (float(value) for value in state)
     e_alpha, e_q = (float(value) if isfinite(value) else nan for value in innovation)
     return Estimate(
-        effectiveness=1.0,
-        effectiveness_std=0.0,
-        effectiveness_smoothed=1.0,
-        effectiveness_raw=1.0,
+        effectiveness=nan,  # nothing is said of K
+        effectiveness_std=nan,
+        effectiveness_smoothed=nan,
+        effectiveness_raw=nan,
         alpha_rad=alpha,
         q_rad_s=q,
         nis=nan,
