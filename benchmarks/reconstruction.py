@@ -4,7 +4,8 @@
 
 Both methods, retrospective cost and a Kalman filter with the input as a random walk, beside the scheduled filter, which flies the aircraft.
 
-1. Error of the reconstruction against the deflection that acts, and of K against the scheduled filter's; a tenth of ``runs``.
+1. Error of the reconstruction against the deflection that acts, and of K against the scheduled filter's, with its window and with one that
+   remembers as long as they do; a tenth of ``runs``.
 2. Failures of the actuator, at ten times spread over a doublet, ``runs`` flights of each: recognised in how many, how soon, as what.
 3. Flights in which K explains all: in how many something is declared; a fifth of ``runs`` but for the first two.
 4. elevator-loss with less and more noise of the sensors; a tenth.
@@ -37,7 +38,15 @@ from flightbed.statistics import median_interval, share
 NAMES = ("retrospective", "random-walk")
 KINDS = ("retrospective-cost", "input-kalman")
 FULLY = 2  # cases of which all ``runs`` are flown
-FAULTS = ("elevator-stuck", "elevator-floating", "elevator-hardover", "elevator-bias")
+# Stuck also near zero, where no deflection acts: the c.g. is not so far ahead, and the trim nearer to it.
+FAULTS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "elevator-stuck": ("elevator-stuck", ()),
+    "elevator-stuck, c.g. 3 % ahead": ("elevator-stuck", ("aircraft.cg_shift_cbar=-0.03",)),
+    "elevator-floating": ("elevator-floating", ()),
+    "elevator-hardover": ("elevator-hardover", ()),
+    "elevator-bias": ("elevator-bias", ()),
+}
+LONG = 'estimators.3={name="scheduled-100",kind="loop-gain",window=100}'  # remembers as long as a forgetting of 0.98
 TIMES_S = tuple(4.5 + 0.47 * i for i in range(10))  # no multiple of the distance at which windows end, 0.15 s
 BEGINNING_TICKS = 30  # for which an error is not yet counted: the reconstruction has to begin
 ALL = (
@@ -47,7 +56,7 @@ ALL = (
 
 
 def _with_both(name: str, *settings: str) -> Scenario:
-    if name in FAULTS:
+    if name in [fault for fault, _ in FAULTS.values()]:
         return load_scenario(name, settings)
     added = [
         f'estimators.{1 + i}={{name="{n}", kind="{k}"}}' for i, (n, k) in enumerate(zip(NAMES, KINDS, strict=True))
@@ -69,24 +78,27 @@ def nearness(runs: int, executor: Executor | None) -> None:
         "elevator-loss": (), "level-loss": (), "ramp-loss": (), "transonic-loss": (), "turbulent-loss": (),
         "elevator-bias": (), "elevator-stuck": (),
     }  # fmt: skip
-    jobs = [Job(_with_both(name, *settings), runs, ALL) for name, settings in cases.items()]
+    jobs = [Job(_with_both(name, LONG, *settings), runs, ALL) for name, settings in cases.items()]
     print(
-        f"\n1. Error of the reconstruction, deg, and of K from 0.3 s after the loss; {runs} flights, medians (95 % interval)"
+        f"\n1. Error of the reconstruction, deg, and of K from 0.3 s after the loss; {runs} flights, medians (95 % interval);"
+        " of K the median error, and the RMS error of the smoothed K, in which the transient is"
     )
     print(
-        "| flight | what acts, RMS | method | RMS error | least, at a delay of ticks | median error of K | scheduled filter |"
+        "| flight | what acts, RMS | method | RMS error | least, at a delay of ticks | error of K | scheduled filter | window of 100 |"
     )
-    print("|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|")
     for name, flights in zip(cases, fly_jobs(jobs, executor=executor), strict=True):
         for estimator in NAMES:
             rms, delays, least, acts = zip(*(_errors(f, estimator) for f in flights), strict=True)
             of_k = []
-            for told in (estimator, "scheduled"):
-                known = [f.metrics.estimators[told].median_abs_error_post for f in flights]
-                of_k.append(show(median_interval([e for e in known if e is not None]), ".4f"))
+            for told in (estimator, "scheduled", "scheduled-100"):
+                known = [f.metrics.estimators[told] for f in flights]
+                errors = [e.median_abs_error_post for e in known if e.median_abs_error_post is not None]
+                whole = [e.rms_error_smoothed_post for e in known if e.rms_error_smoothed_post is not None]
+                of_k.append(f"{show(median_interval(errors), '.4f')}; {np.median(whole):.4f}")
             print(
                 f"| {name} | {np.median(acts):.2f} | {estimator} | {show(median_interval(list(rms)), '.3f')} "
-                f"| {np.median(least):.3f}, {np.median(delays):.0f} | {of_k[0]} | {of_k[1]} |"
+                f"| {np.median(least):.3f}, {np.median(delays):.0f} | {' | '.join(of_k)} |"
             )
 
 
@@ -107,8 +119,8 @@ def faults(runs: int, executor: Executor | None) -> None:
     print("|---|---|---|---|---|---|---|---|")
     cases = [(fault, at_s) for fault in FAULTS for at_s in TIMES_S]
     jobs = [
-        Job(_with_both(fault, f"failures.0.at_s={at_s}"), each, ALL, first_seed=each * i)
-        for fault in FAULTS
+        Job(_with_both(name, f"failures.0.at_s={at_s}", *settings), each, ALL, first_seed=each * i)
+        for name, settings in FAULTS.values()
         for i, at_s in enumerate(TIMES_S)
     ]
     flights = list(zip(cases, fly_jobs(jobs, executor=executor), strict=True))
@@ -123,7 +135,7 @@ def faults(runs: int, executor: Executor | None) -> None:
                 bool(np.any(f.columns[f"{estimator}.verdict"][f.columns["t_s"] < at_s] > 0.0)) for at_s, f in flown
             )
             print(
-                f"| {fault} | {estimator} | {show(share(len(delays), len(flown)), '.2f')} | {said[0]}, {said[1]} | {likely(delays, '.2f')} "
+                f"| {fault} | {estimator} | {len(delays)} of {len(flown)} | {said[0]}, {said[1]} | {likely(delays, '.2f')} "
                 f"| {early} | {len(lost)} | {likely(lost, '.2f')} |"
             )
 

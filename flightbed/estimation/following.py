@@ -1,16 +1,18 @@
 """Does a reconstructed deflection follow the measured one? Regression, its variance, and a test for what no effectiveness explains.
 
 A reconstruction is a linear filter, known at every tick, from what acts on the aircraft and what the sensors err to u^. So the deflection
-that is measured, and the one that was asked for, are sent through the same filter, as is a constant: with no error of the model
+that is measured is sent through the same filter, as is a constant: with no error of the model
 
     u^ = K d^ + o 1^ + n,   d^, 1^ the filtered deflection and constant,
 
 holds exactly, whatever the filter's lag, and n is the sensors' noise through the filter. K is the slope, o a deflection that acts beside
 it. Least squares gives both. The covariance of sum(d^ n) and sum(1^ n) is carried along with the filter's own, so that the variances of K
-and o are those of the correlated noise that there is.
+and o are those of the correlated noise that there is. That holds of a filter whose gains do not depend on the noise; those of the
+retrospective cost do, and the variances are then too small (by a fifth to a third, on the exact model).
 
 The test is of o, over windows: no effectiveness K, be it any number, explains an o that is not 0. A change of K spoils the window that it
-falls into, hence two in a row must say the same.
+falls into, hence two in a row must say the same. A second test, with the same windows and threshold, holds the measured deflection
+against the one that an actuator in order would have made of the commands: their mean difference.
 """
 
 from __future__ import annotations
@@ -34,9 +36,10 @@ class FollowingConfig:
         prior_effectiveness, prior_effectiveness_std: prior of K, which counts as little as its variance says.
         smoothing, bounds: as in LoopGainConfig.
         window: ticks of a window of the test, at least 6.
-        false_alarm: probability with which noise alone, at an evaluation, makes two windows in a row say the same; there are
-            ``STAGGERED`` evaluations in a window.
-        offset_rad: deflection beside K times the measured one that is tolerated: errors of the model make some.
+        false_alarm: probability with which noise alone, at an evaluation, makes two windows in a row say the same; of each of
+            the two tests there are ``STAGGERED`` evaluations in a window.
+        offset_rad: deflection beside K times the measured one that is tolerated: errors of the model make some; and measured beside
+            what was asked for. With 0 nothing that was declared is taken back.
         follow_disturbances: raise the variance to what the residuals of the windows show, never below the sensors'.
 
     Raises:
@@ -58,7 +61,7 @@ class FollowingConfig:
         for holds, problem in (
             (0.0 < self.forgetting <= 1.0, f"forgetting must be in (0, 1] (got {self.forgetting})"),
             (self.window >= 2 * STAGGERED, f"window must be at least {2 * STAGGERED} ticks (got {self.window})"),
-            (0.0 < self.false_alarm < 0.5, f"false_alarm must be between 0 and 0.5 (got {self.false_alarm})"),
+            (0.0 < self.false_alarm <= 0.5, f"false_alarm must be above 0 and at most 0.5 (got {self.false_alarm})"),
             (self.offset_rad >= 0.0, f"offset_rad must not be negative (got {self.offset_rad})"),
         ):
             if not holds:
@@ -94,6 +97,6 @@ def begin(states: int, config: FollowingConfig) -> Following:
     marks[RATIO], marks[SMOOTHED] = 1.0, 1.0
     apart = np.array([0, *[-(i * config.window // STAGGERED) for i in range(STAGGERED)] * 2], dtype=np.float64)
     return Following(
-        np.zeros((states, 3)), noise, np.zeros((states, 2 * count)), np.zeros((count, 3)), np.zeros((count, 7)),
+        np.zeros((states, 2)), noise, np.zeros((states, 2 * count)), np.zeros((count, 3)), np.zeros((count, 7)),
         apart, np.zeros(count), marks,
     )  # fmt: skip

@@ -12,7 +12,7 @@ from flightbed.compiling import Array, compiled
 STAGGERED = 3  # windows that are open at a time, begun one after the other
 OUT = 2  # component of the filter's state that is u^, after errors of alpha and q
 EXPLAINED, BESIDE, ACTUATOR = 0.0, 1.0, 2.0  # what a verdict says
-RATIO, _ALARMS, SMOOTHED, _BESIDE, _ACTUATOR, _ALPHA, _Q = range(7)  # what lies where in ``marks``
+RATIO, ALARMS, SMOOTHED, _BESIDE, _ACTUATOR, _ALPHA, _Q = range(7)  # what lies where in ``marks``
 MARKS = 7
 
 
@@ -21,11 +21,15 @@ class Following(NamedTuple):
 
     Deflections are in deg and readings in standard deviations here, so that all is of one size.
 
+    The first regression is that of K; ``STAGGERED`` windows of it follow, and as many means of the measured deflection less the one that
+    was asked for, which no reconstruction enters.
+
     Attributes:
-        response: (n, 3) of the filter's error to the measured deflection, to the commanded one, to 1 deg.
+        response: (n, 2) of the filter's error to the measured deflection, to 1 deg.
         noise: (n, n) covariance of the filter's error from noise.
         cross: (n, 2 M) its covariance with the noise of each regression's two sums; spread: (M, 3) covariance of these, [dd, d1, 11].
-        sums: (M, 7) of a regression: d d, d 1, 1 1, d u^, 1 u^, u^ u^, variance of n.
+        sums: (M, 7) of a regression: d d, d 1, 1 1, d u^, 1 u^, u^ u^, variance of n. Of a mean: the third the ticks, the fifth
+            and sixth the sum and that of squares.
         ages: (M,) ticks in it, negative before it opens; said: (M,) sign of o in the window before, 0 if insignificant.
         marks: ratio of residuals to noise, alarms, smoothed K, the two verdicts, B of the period before.
 
@@ -68,9 +72,9 @@ class Told(NamedTuple):
 @compiled
 def reopen(memory: Following, window: int) -> None:
     """Take the filter to have been put to the readings: its error is theirs; all windows open anew."""
-    memory.response[:2, :], memory.noise[:2, :], memory.noise[:, :2] = 0.0, 0.0, 0.0
+    memory.response[:], memory.noise[:], memory.cross[:] = 0.0, 0.0, 0.0
     memory.noise[0, 0] = memory.noise[1, 1] = 1.0
-    memory.cross[:2, :] = 0.0
+    memory.marks[_ALPHA], memory.marks[_Q] = 0.0, 0.0
     for m in range(1, memory.ages.size):
         _close(memory, m)
         memory.ages[m] = -float((m - 1) % STAGGERED * window // STAGGERED)
@@ -110,12 +114,14 @@ def solved(sums: Array, spread: Array) -> tuple[float, float, float, float, floa
 def _judge(memory: Following, settings: Array, m: int) -> None:
     """Judge a window that is full: follow the size of its residuals, compare with the window before, raise or take back."""
     sums, marks, said = memory.sums[m], memory.marks, memory.said
-    K, o, _, var_o, taken = solved(sums, memory.spread[m])
-    sign, within = 0.0, False
+    sign, within, which = 0.0, False, _BESIDE if m <= STAGGERED else _ACTUATOR
+    K, o, var_o, taken = 0.0, sums[4] / sums[2], memory.spread[m, 2] / (sums[2] * sums[2]), 0.0
+    if which == _BESIDE:
+        K, o, _, var_o, taken = solved(sums, memory.spread[m])
     if var_o < inf:
-        ratio = marks[RATIO]
+        ratio = marks[RATIO] if which == _BESIDE else 1.0
         expected = sums[6] - taken
-        if m <= STAGGERED and expected > 1e-9 * sums[6]:
+        if which == _BESIDE and expected > 1e-9 * sums[6]:
             seen = max(sums[5] - K * sums[3] - o * sums[4], 0.0) / expected
             ratio = max(ratio + (min(seen, 4.0 * ratio) - ratio) / 30.0, 1.0)
             marks[RATIO] = ratio
@@ -123,14 +129,13 @@ def _judge(memory: Following, settings: Array, m: int) -> None:
         if abs(o) - settings[8] > settings[7] * std:
             sign = 1.0 if o > 0.0 else -1.0
         within = abs(o) + settings[7] * std < 2.0 * settings[8]
-    which = _BESIDE if m <= STAGGERED else _ACTUATOR
-    if which == _ACTUATOR and (marks[_BESIDE] > 0.0 or said[m - STAGGERED] != 0.0):
-        sign = 0.0  # what does not follow the position follows no command either
+        if which == _ACTUATOR:  # a position that commands sweep across is near them on the average only
+            within = within and sums[5] < 4.0 * settings[8] * settings[8] * sums[2]
     if within:
         marks[which] = 0.0
     elif sign != 0.0 and sign == said[m] and marks[which] == 0.0:
         marks[which] = 1.0
-        marks[_ALARMS] += 1.0
+        marks[ALARMS] += 1.0
     said[m] = sign
 
 
@@ -161,8 +166,7 @@ def follow(
     for i in range(2):
         b = marks[_ALPHA + i]
         response[i, 0] += b * feedback
-        response[i, 1] += b * (commanded if heard else feedback)
-        response[i, 2] += b
+        response[i, 1] += b
     before, s0, s1, s01 = response[:2].copy(), noise[0, 0] + 1.0, noise[1, 1] + 1.0, noise[0, 1]
     marks[_ALPHA], marks[_Q] = B[0], B[1]
 
@@ -174,14 +178,21 @@ def follow(
         B, B
     )  # an error of the measured deflection moves what it explains by at most b (K = 1)
     cross[:, :] = F @ cross
-    n_var, one = max(noise[OUT, OUT], 0.0), response[OUT, 2]
+    n_var, one = max(noise[OUT, OUT], 0.0), response[OUT, 1]
     for m in range(count):
         if ages[m] < 0.0:
             ages[m] += 1.0
             continue
+        if m > STAGGERED:
+            if heard:
+                sums[m, 2] += 1.0
+                sums[m, 4] += feedback - commanded
+                sums[m, 5] += (feedback - commanded) ** 2
+                spread[m, 2] += settings[10]
+            ages[m] += 1.0
+            continue
         keep = settings[0] if m == 0 else 1.0
-        d = response[OUT, 1] if m > STAGGERED else response[OUT, 0]
-        at = 2 * m
+        d, at = response[OUT, 0], 2 * m
         c0, c1 = keep * cross[OUT, at], keep * cross[OUT, at + 1]
         spread[m, 0] = keep * keep * spread[m, 0] + 2.0 * d * c0 + d * d * n_var
         spread[m, 1] = keep * keep * spread[m, 1] + d * c1 + one * c0 + d * one * n_var
@@ -195,7 +206,7 @@ def follow(
         ages[m] += 1.0
     for m in range(1, count):
         if ages[m] >= settings[6]:
-            if m <= STAGGERED or heard:
+            if m <= STAGGERED or sums[m, 2] > 0.0:
                 _judge(memory, settings, m)
             _close(memory, m)
     return _say(memory, settings, n_var, before, z, s0, s1, s01)
@@ -205,7 +216,7 @@ def follow(
 def _say(
     memory: Following, settings: Array, n_var: float, before: Array, z: Array, s0: float, s1: float, s01: float
 ) -> Told:
-    """Return K, o and the rest; ``before`` (2, 3) and s are response and covariance of z."""
+    """Return K, o and the rest; ``before`` (2, 2) and s are response and covariance of z."""
     marks, sums = memory.marks, memory.sums[0].copy()
     ratio, prior, prior_var = (marks[RATIO] if settings[9] > 0.0 else 1.0), settings[1], settings[2]
     # The priors, of K and of an o of 5 deg: readings of their mean, worth what the noise makes of their variance.
@@ -222,11 +233,11 @@ def _say(
         K, variance = sums[3] / sums[0], spread[0] / (sums[0] * sums[0])
     bounded = min(max(K, settings[4]), settings[5])
     marks[SMOOTHED] = settings[3] * marks[SMOOTHED] + (1.0 - settings[3]) * bounded
-    e0 = z[0] - K * before[0, 0] - (offset * before[0, 2] if marks[_BESIDE] > 0.0 else 0.0)
-    e1 = z[1] - K * before[1, 0] - (offset * before[1, 2] if marks[_BESIDE] > 0.0 else 0.0)
+    e0 = z[0] - K * before[0, 0] - (offset * before[0, 1] if marks[_BESIDE] > 0.0 else 0.0)
+    e1 = z[1] - K * before[1, 0] - (offset * before[1, 1] if marks[_BESIDE] > 0.0 else 0.0)
     nis = max((s1 * e0 * e0 - 2.0 * s01 * e0 * e1 + s0 * e1 * e1) / (s0 * s1 - s01 * s01), 0.0)
     verdict = BESIDE if marks[_BESIDE] > 0.0 else ACTUATOR if marks[_ACTUATOR] > 0.0 else EXPLAINED
     return Told(
-        bounded, sqrt(variance), marks[SMOOTHED], K, offset, sqrt(var_o), verdict, marks[_ALARMS], sqrt(n_var),
+        bounded, sqrt(variance), marks[SMOOTHED], K, offset, sqrt(var_o), verdict, marks[ALARMS], sqrt(n_var),
         nis, e0, e1, sqrt(s0), sqrt(s1), slope,
     )  # fmt: skip

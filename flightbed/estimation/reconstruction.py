@@ -22,7 +22,7 @@ from flightbed.estimation import following, kernels, pitch_model
 from flightbed.estimation.actuator import ActuatorOnBoard
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.following import FollowingConfig
-from flightbed.estimation.following_kernels import follow, reopen
+from flightbed.estimation.following_kernels import ALARMS, follow, reopen
 from flightbed.estimation.input_model import InputModel
 from flightbed.estimation.reconstruction_methods import (
     ByRandomWalk,
@@ -157,7 +157,7 @@ class ElevatorReconstruction:
         self._memory = following.begin(self._method.states, config.following)
         self._rough, self._acting, self._explained = Disturbances(), 0.0, (1.0, 0.0)
         self._before: InputModel | None = None
-        self._tick = 0
+        self._tick, self._lost = 0, False
 
     def _model(self, m: Measurement) -> InputModel:
         """Return the model of the period that begins, readings in standard deviations and the input in deg."""
@@ -171,10 +171,17 @@ class ElevatorReconstruction:
             self._actuator.commanded(elevator_cmd_rad)
 
     def update(self, measurement: Measurement) -> Estimate:
-        """Take the readings of the next tick, return the estimate that includes them."""
+        """Take the readings of the next tick, return the estimate that includes them; of readings that are no numbers it tells nothing."""
         m = measurement
+        asked = self._actuator.mean() / DEG if self._actuator is not None else nan
         model, y = self._model(m), np.array([m.alpha_rad, m.q_rad_s]) / self._sigma
         process, deflection = self._Q, m.elevator_mean_rad / DEG
+        if not isfinite(float(model.A.sum() + model.B.sum() + model.G.sum() + y.sum()) + deflection):
+            self._lost = True
+            return Estimate(nan, nan, nan, nan, nan, nan, nan, alarms=float(self._memory.marks[ALARMS]))
+        if self._lost:  # begin anew, with the K that was known
+            self._lost, self._before = False, None
+            reopen(self._memory, self._window)
         if self._before is None:
             self._method.begin(model, y)
         if self._before is not None and self._follows and self._tick >= self._window:
@@ -187,7 +194,6 @@ class ElevatorReconstruction:
             self._method.begin(model, y)
             found = self._method.take(model, y)
             reopen(self._memory, self._window)
-        asked = self._actuator.mean() / DEG if self._actuator is not None else nan
         told = follow(
             *self._memory, self._settings, found.F, found.G, process, model.B[:, 0], found.innovation, found.input,
             deflection, asked,

@@ -328,7 +328,7 @@ class EstimatorSettings(OwnSettings):
     input_forgetting: Annotated[float, between(0.5, 1)] = 1.0
     saturation_deg: Positive = 30.0
     input_step_deg: Positive = 0.1
-    offset_deg: NonNegative = 0.3
+    offset_deg: Positive = 0.3
     prior: Prior = Prior()
 
     @model_validator(mode="before")

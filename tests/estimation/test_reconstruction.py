@@ -236,6 +236,20 @@ def test_readings_that_jump_put_it_to_the_readings(name: str) -> None:
     assert np.sqrt(np.mean(np.square(errors[320:]))) < 0.5
 
 
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("field", ["alpha_rad", "elevator_mean_rad", "mach"])
+def test_of_readings_that_are_no_numbers_nothing_is_told_and_then_it_is_right_again(name: str, field: str) -> None:
+    scenario = load_scenario("elevator-loss", [*BOTH, "failures=[]", "duration_s=4"])
+    estimator, errors, told = _new(scenario, name), [], []
+    for k, (measurement, _) in enumerate(_readings(scenario)):
+        told.append(estimator.update(measurement._replace(**{field: np.nan}) if 200 <= k < 205 else measurement))
+        errors.append((told[-1].reconstructed_rad - measurement.elevator_mean_rad) / DEG)
+    assert all(np.isnan(found.effectiveness_smoothed) for found in told[200:205])
+    assert np.all(np.isfinite(told[205:]))
+    assert told[205].effectiveness == pytest.approx(told[199].effectiveness, abs=0.05)  # K is not forgotten
+    assert np.sqrt(np.mean(np.square(errors[320:]))) < 0.5
+
+
 def test_without_a_schedule_on_board_it_says_so() -> None:
     planned = plan(load_scenario("nominal", ["estimators=[]", "adaptation.enabled=false"]))
     assert planned.schedule is None
