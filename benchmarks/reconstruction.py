@@ -7,7 +7,7 @@ Both methods, retrospective cost and a Kalman filter with the input as a random 
 1. Error of the reconstruction against the deflection that acts, and of K against the scheduled filter's, with its window and with one that
    remembers as long as they do; a tenth of ``runs``.
 2. Failures of the actuator, at ten times spread over a doublet, ``runs`` flights of each: recognised in how many, how soon, as what.
-3. Flights in which K explains all: in how many something is declared; a fifth of ``runs`` but for the first two.
+3. Flights in which K explains all: in how many something is declared; a fifth of ``runs`` but for the first three.
 4. elevator-loss with less and more noise of the sensors; a tenth.
 5. Harmonic gusts of several frequencies; a tenth.
 6. Microseconds an update.
@@ -37,7 +37,7 @@ from flightbed.statistics import median_interval, share
 
 NAMES = ("retrospective", "random-walk")
 KINDS = ("retrospective-cost", "input-kalman")
-FULLY = 2  # cases of which all ``runs`` are flown
+FULLY = 3  # cases of which all ``runs`` are flown
 # Stuck also near zero, where no deflection acts: the c.g. is not so far ahead, and the trim nearer to it.
 FAULTS: dict[str, tuple[str, tuple[str, ...]]] = {
     "elevator-stuck": ("elevator-stuck", ()),

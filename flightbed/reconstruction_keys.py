@@ -34,6 +34,12 @@ def contradictions(scenario: Scenario) -> list[str]:
         for i, gust in enumerate(scenario.gusts)
         if (needed := _GUST_NEEDS[gust.shape]) not in gust.model_fields_set
     ]
+    hz = scenario.rates.control_hz
+    problems += [
+        f"gusts.{i}.frequency_hz: must be below half of rates.control_hz = {hz}, or no reading shows it (got {gust.frequency_hz:g})"
+        for i, gust in enumerate(scenario.gusts)
+        if gust.shape == "sine" and not gust.frequency_hz < hz / 2
+    ]
     adaptation = scenario.adaptation
     corrects = adaptation.estimator if adaptation.enabled and not adaptation.oracle else None
     for i, estimator in enumerate(scenario.estimators):

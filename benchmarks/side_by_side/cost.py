@@ -9,6 +9,7 @@ from functools import partial
 from measuring import interleaved, seconds
 
 from flightbed.assembly import assemble
+from flightbed.estimation.base import Commanded
 from flightbed.loop import fly, teller
 from flightbed.plan import Plan, plan
 from flightbed.settings import Scenario
@@ -25,11 +26,15 @@ def costs_us(scenario: Scenario, rounds: int) -> dict[str, list[float]]:
 
 def _update_us(planned: Plan, index: int, samples: list[Sample]) -> float:
     """Return the time of an update; the estimator is made before, and is that of no flight."""
-    tell: Callable[..., object] = teller(assemble(planned).estimators[index])
-    given = [(sample.measurement, sample.lateral and sample.lateral.measurement) for sample in samples]
+    estimator = assemble(planned).estimators[index]
+    tell: Callable[..., object] = teller(estimator)
+    hears: Callable[[float], object] | None = estimator.commanded if isinstance(estimator, Commanded) else None
+    given = [(s.measurement, s.lateral and s.lateral.measurement, s.elevator_cmd_rad) for s in samples]
 
     def feed() -> None:
-        for pitch, lateral in given:
+        for pitch, lateral, command in given:
             tell(pitch, lateral)
+            if hears is not None:
+                hears(command)
 
     return 1e6 * seconds(feed, clock=time.thread_time) / len(samples)

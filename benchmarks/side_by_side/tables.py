@@ -174,6 +174,8 @@ def short(results: Results) -> Table:
             DASH if error == inf else f"{error:.3f} ({where})",
             DASH if found is None or found.alarm_s is None else middle(found.alarm_s, ".2f"),
             f"{sum(told)} of {sum(flown.runs for flown in healthy)}" if told else DASH,
+            DASH if (first, entrant.name) not in results.corrected
+            else middle(results.corrected[first, entrant.name].tracking_deg_s, ".3f"),
             "{} of {}".format(*lost_of_all(results, entrant.name)),
         ])  # fmt: skip
     head = (
@@ -183,6 +185,7 @@ def short(results: Results) -> Table:
         "the largest, and where",
         f"alarm, {first}, s",
         "healthy flights with an alarm",
+        f"tracking, {first}, deg/s",
         "aircraft lost",
     )
     return Table("short", "", head, rows)

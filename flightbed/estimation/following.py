@@ -11,8 +11,10 @@ and o are those of the correlated noise that there is. That holds of a filter wh
 retrospective cost do, and the variances are then too small (by a fifth to a third, on the exact model).
 
 The test is of o, over windows: no effectiveness K, be it any number, explains an o that is not 0. A change of K spoils the window that it
-falls into, hence two in a row must say the same. A second test, with the same windows and threshold, holds the measured deflection
-against the one that an actuator in order would have made of the commands: their mean difference.
+falls into, hence two in a row must say the same. The variance takes the deflection for independent of the noise. In a closed loop it is
+not, as the law answers to the same readings; o is then biased, the more the less else moves the elevator. So a window in which it moves
+less than the tolerance, RMS about its mean, is not judged. A second test, with the same windows and threshold, holds the measured
+deflection against the one that an actuator in order would have made of the commands: their mean difference.
 """
 
 from __future__ import annotations

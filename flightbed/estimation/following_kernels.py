@@ -118,6 +118,8 @@ def _judge(memory: Following, settings: Array, m: int) -> None:
     K, o, var_o, taken = 0.0, sums[4] / sums[2], memory.spread[m, 2] / (sums[2] * sums[2]), 0.0
     if which == _BESIDE:
         K, o, _, var_o, taken = solved(sums, memory.spread[m])
+        if sums[0] - sums[1] * sums[1] / sums[2] < settings[8] * settings[8] * sums[2]:
+            var_o = inf  # it moves less than what is tolerated, and much of that is the law's answer to the same noise
     if var_o < inf:
         ratio = marks[RATIO] if which == _BESIDE else 1.0
         expected = sums[6] - taken

@@ -95,22 +95,24 @@ def test_neither_position_nor_command_nor_k_enter_the_reconstruction(name: str) 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
-    ("scenario", "verdict", "within_s"),
+    ("scenario", "verdict", "within_s", "error_deg"),
     [
-        ("elevator-stuck", ACTUATOR, (1.5, 1.5)),
-        ("elevator-floating", BESIDE, (1.5, 0.6)),
-        ("elevator-bias", BESIDE, (2.5, 2.5)),
+        ("elevator-stuck", ACTUATOR, (1.5, 1.5), (0.4, 0.2)),
+        ("elevator-floating", BESIDE, (1.5, 0.6), (1.5, 1.0)),  # on its way out, at 90 deg/s
+        ("elevator-bias", BESIDE, (2.5, 2.5), (0.5, 0.4)),
     ],
 )
 def test_what_no_k_explains_is_recognised(
-    scenario: str, verdict: float, within_s: tuple[float, float], name: str
+    scenario: str, verdict: float, within_s: tuple[float, float], error_deg: tuple[float, float], name: str
 ) -> None:
     trace = _flown(scenario)
     at_s, said = _first(trace, name)
     assert 5.2 < at_s <= 5.2 + within_s[NAMES.index(name)]
     assert said == verdict
     after = trace["t_s"] > at_s
-    assert np.sqrt(np.mean(_error(trace, name)[after] ** 2)) < 1.2  # the aircraft may be on its way out, at 90 deg/s
+    allowed, acts = error_deg[NAMES.index(name)], trace["elevator_acting_deg"]
+    assert np.sqrt(np.mean(_error(trace, name)[after] ** 2)) < allowed
+    assert np.sqrt(np.mean((acts - acts[100])[after] ** 2)) > allowed  # of who says all the time what acted at 1 s
     if scenario == "elevator-bias":
         assert trace[f"{name}.offset_deg"][-1] == pytest.approx(1.0, abs=0.5)
         # What the filter of K alone makes of it is half the effectiveness; with the offset K is what it is.
@@ -139,7 +141,7 @@ def test_a_hardover_is_recognised_before_the_aircraft_is_lost(name: str) -> None
     ids=["calm", "level", "turbulence", "delay", "noisy position", "ramp"],
 )
 def test_nothing_is_declared_where_k_explains_all(settings: list[str]) -> None:
-    for seed in range(3):
+    for seed in range(10 if "command.kind=none" in settings else 3):  # level: the elevator answers to little but noise
         trace = _flown("elevator-loss", *settings, f"seed={seed}")
         assert len(trace) == 1650
         for name in NAMES:
@@ -285,6 +287,8 @@ GUST = 'estimators.0={name="one", kind="retrospective-cost", unknown="gust"}'
         (["gusts.0={at_s=1, up_fps=5}"], "gusts.0.rise_s: is missing; a gust of shape '1-cos' needs it"),
         (["gusts.0={at_s=1, up_fps=5, shape='sine'}"], "gusts.0.frequency_hz: is missing; a gust of shape 'sine' needs it"),
         (["gusts.0={at_s=1, up_fps=5, shape='sine', frequency_hz=1}", "gusts.0.rise_s=1"], "gusts.0.rise_s: has no effect with gusts.0.shape = 'sine'"),
+        (["gusts.0={at_s=1, up_fps=5, shape='sine', frequency_hz=50}"],
+         "gusts.0.frequency_hz: must be below half of rates.control_hz = 100, or no reading shows it (got 50)"),
         (["gusts.0={at_s=1, up_fps=5, rise_s=1}", "gusts.0.frequency_hz=1"], "gusts.0.frequency_hz: has no effect with gusts.0.shape = '1-cos'"),
     ],
 )  # fmt: skip
