@@ -8,7 +8,7 @@ that is measured is sent through the same filter, as is a constant: with no erro
 holds exactly, whatever the filter's lag, and n is the sensors' noise through the filter. K is the slope, o a deflection that acts beside
 it. Least squares gives both. The covariance of sum(d^ n) and sum(1^ n) is carried along with the filter's own, so that the variances of K
 and o are those of the correlated noise that there is. That holds of a filter whose gains do not depend on the noise; those of the
-retrospective cost do, and the variances are then too small (by a fifth to a third, on the exact model).
+retrospective cost do, and the variances are then too small (by less than a half, on the exact model).
 
 The test is of o, over windows: no effectiveness K, be it any number, explains an o that is not 0. A change of K spoils the window that it
 falls into, hence two in a row must say the same. The variance takes the deflection for independent of the noise. In a closed loop it is

@@ -101,18 +101,30 @@ def test_without_noise_k_and_offset_are_exact_however_late_the_reconstruction_is
     assert checked > 500
 
 
-def test_the_variances_of_k_and_offset_are_those_of_the_noise(design: ShortPeriod, rng: np.random.Generator) -> None:
-    """The random walk's filter is linear and its gain known: errors over standard deviations have the variance 1 (300 runs)."""
-    model, deflection, runs = _model(design), _moving(90), 300
+def _standardized(name: str, design: ShortPeriod, rng: np.random.Generator, runs: int) -> np.ndarray:
+    """Errors of K and o over their standard deviations, (runs, 2), of the exact model and a deflection given beforehand."""
+    model, deflection = _model(design), _moving(90)
     acting, z = 0.6 * deflection + 0.5, []
     config = FollowingConfig(forgetting=0.99, window=45)
     for _ in range(runs):
-        *_, (_, _, memory) = _told("walk", model, _readings(model, acting, rng), deflection, config)
+        *_, (_, _, memory) = _told(name, model, _readings(model, acting, rng), deflection, config)
         K, o, var_K, var_o, _ = solved(memory.sums[0], memory.spread[0])
         z.append([(K - 0.6) / np.sqrt(var_K), (o - 0.5) / np.sqrt(var_o)])
-    squares = np.sum(np.square(z), axis=0)
-    low, high = chi2.ppf([0.0005, 0.9995], runs)
-    assert np.all((low < squares) & (squares < high)), squares / runs
+    return np.array(z)
+
+
+def test_the_variances_of_k_and_offset_are_those_of_the_noise(design: ShortPeriod, rng: np.random.Generator) -> None:
+    """The random walk's filter is linear and its gain known: errors over standard deviations have the variance 1 (300 runs)."""
+    squares = np.sum(_standardized("walk", design, rng, 300) ** 2, axis=0)
+    low, high = chi2.ppf([0.0005, 0.9995], 300)
+    assert np.all((low < squares) & (squares < high)), squares / 300
+
+
+def test_those_of_the_retrospective_cost_are_too_small(design: ShortPeriod, rng: np.random.Generator) -> None:
+    """Its gains come of the same noise, which the covariance takes for given: by less than a half, as the documents say (300 runs)."""
+    mean_square = np.mean(_standardized("retrospective", design, rng, 300) ** 2, axis=0)
+    assert np.all(mean_square < 1.5 * (1.0 + 3.3 * np.sqrt(2.0 / 300)))
+    assert np.mean(mean_square) > 1.0
 
 
 def test_nis_is_chi_square_where_k_is_known(design: ShortPeriod, rng: np.random.Generator) -> None:

@@ -14,8 +14,8 @@ from flightbed.assembly import assemble, sensor_noise
 from flightbed.consistency import idle_keys
 from flightbed.errors import ScenarioError
 from flightbed.estimation.actuator import ActuatorOnBoard
-from flightbed.estimation.base import Estimator, OnBoard
-from flightbed.estimation.following_kernels import ACTUATOR, BESIDE
+from flightbed.estimation.base import OnBoard
+from flightbed.estimation.following_kernels import ACTUATOR, BESIDE, STAGGERED
 from flightbed.estimation.reconstruction import ElevatorReconstruction, ReconstructionConfig
 from flightbed.estimation.reconstruction_methods import WalkSettings
 from flightbed.fused import rows_of
@@ -71,7 +71,7 @@ def _readings(scenario: Scenario) -> list[tuple[Measurement, float]]:
     return [(sample.measurement, sample.elevator_cmd_rad) for sample in fly(assemble(plan(scenario)))]
 
 
-def _new(scenario: Scenario, name: str) -> Estimator:
+def _new(scenario: Scenario, name: str) -> ElevatorReconstruction:
     index = [e.name for e in scenario.estimators].index(name)
     estimator = assemble(plan(scenario)).estimators[index]
     assert isinstance(estimator, ElevatorReconstruction)
@@ -146,6 +146,30 @@ def test_nothing_is_declared_where_k_explains_all(settings: list[str]) -> None:
         assert len(trace) == 1650
         for name in NAMES:
             assert trace[f"{name}.alarms"][-1] == 0.0, (name, seed)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("command", "least"), [("doublet", 0.14), ("none", 0.5)])
+def test_in_a_closed_loop_the_threshold_alone_does_not_hold(name: str, command: str, least: float) -> None:
+    """Of 550 windows a tenth should be beyond it on each side; the law answers to the noise, and o is biased. Hence the tolerance."""
+    loose = [
+        f"estimators.{i}.{key}"
+        for i in (1, 2)
+        for key in ("offset_deg=1e-9", "false_alarm=0.02", "follow_disturbances=false")
+    ]
+    windows, above = 0, 0
+    for seed in range(5):
+        scenario = load_scenario(
+            "elevator-loss", [*BOTH, "failures=[]", f"command.kind={command}", f"seed={seed}", *loose]
+        )
+        estimator = _new(scenario, name)
+        for measurement, _ in _readings(scenario):
+            estimator.update(measurement)
+            closed = estimator._memory.ages[1 : 1 + STAGGERED] == 0.0
+            windows += int(closed.sum())
+            above += int(np.sum(estimator._memory.said[1 : 1 + STAGGERED][closed] > 0.0))
+    assert windows == 550
+    assert above > least * windows
 
 
 @pytest.mark.parametrize("delay_ticks", [0, 2])
