@@ -10,7 +10,10 @@ from flightbed.aircraft import Actuator
 
 
 class ActuatorOnBoard:
-    """What an actuator in order makes of its commands: lag, rate limit and stops, one step a tick; owns its position, rad."""
+    """What an actuator in order makes of its commands: stops, lag, rate limit, in JSBSim's order, one step a tick; owns its position, rad.
+
+    The rate limit follows the lag and does not hold it back: a surface that is late turns round when the lag's output meets it.
+    """
 
     def __init__(self, actuator: Actuator, control_hz: int, delay_ticks: int) -> None:
         self._actuator, self._delay = actuator, delay_ticks
@@ -20,13 +23,13 @@ class ActuatorOnBoard:
         )  # of the way, that a lag has gone on the average of a period
         self._step = actuator.rate_limit_rad_s / control_hz
         self._commands: list[float] = []
-        self._position = nan
+        self._lagged = self._position = nan
 
     def commanded(self, command: float) -> None:
         """Take the command of a tick; in the first the actuator is where it was told to be."""
         self._commands.append(command)
         if self._position != self._position:
-            self._position = command
+            self._lagged = self._position = command
             self._commands = [command] * (1 + self._delay)
 
     def mean(self) -> float:
@@ -34,12 +37,12 @@ class ActuatorOnBoard:
         if not self._commands:
             return nan
         low, high = self._actuator.min_rad, self._actuator.max_rad
-        command, begun = min(max(self._commands.pop(0), low), high), self._position
-        way = command - begun
-        moved = self._share * way
-        if abs(moved) > self._step:
-            moved = self._step if moved > 0.0 else -self._step
-            self._position = begun + moved
-            return begun + 0.5 * moved
-        self._position = begun + moved
-        return begun + self._mean * way
+        command = min(max(self._commands.pop(0), low), high)
+        lagged, begun = self._lagged, self._position
+        self._lagged += self._share * (command - lagged)
+        way = self._lagged - begun
+        late = abs(way) > self._step
+        self._position = begun + (self._step if way > 0.0 else -self._step) if late else self._lagged
+        if late or begun != lagged:
+            return 0.5 * (begun + self._position)
+        return begun + self._mean * (command - begun)

@@ -190,6 +190,19 @@ def test_the_actuator_on_board_is_the_limit_of_the_aircrafts(delay_ticks: int) -
     assert off_deg[1] / off_deg[2] == pytest.approx(2.0, abs=0.3)
 
 
+def test_the_actuator_on_board_turns_round_where_the_aircrafts_does() -> None:
+    """After a loss to 0.1 the law asks for ten times the elevator, at its rate limit and to and fro."""
+    planned = plan(load_scenario("marginal-authority", ["adaptation.oracle=true"]))
+    actuator, apart, rates, last = ActuatorOnBoard(planned.aircraft.actuator, 100, 0), [], [], 0.0
+    for sample in fly(assemble(planned)):
+        apart.append((actuator.mean() - sample.truth.elevator_mean_rad) / DEG)
+        actuator.commanded(sample.elevator_cmd_rad)
+        rates.append(abs(sample.truth.elevator_rad - last) / DEG * 100.0)
+        last = sample.truth.elevator_rad
+    assert np.mean(np.array(rates[1:]) > 59.0) > 0.05
+    assert np.max(np.abs(apart[1:])) < 0.35  # half a plant step at 60 deg/s is 0.15
+
+
 def test_the_actuator_on_board_keeps_its_rate_and_its_stops() -> None:
     actuator, hz = Actuator(lag_rad_s=20.0, rate_limit_rad_s=1.0, min_rad=-0.3, max_rad=0.3), 100
     onboard = ActuatorOnBoard(actuator, hz, 0)
