@@ -202,6 +202,15 @@ def test_without_the_prefilter_the_fixed_law_runs_into_the_rate_limit() -> None:
     assert np.mean(np.abs(np.diff(adaptive["elevator_deg"][500:3000])) * 100.0 > 59.0) < 0.02
 
 
+@pytest.mark.parametrize(("mach", "cycles"), [(0.27, True), (0.28, False)])
+def test_slower_than_the_speed_range_begins_the_fixed_law_swings_at_its_rate_limit(mach: float, cycles: bool) -> None:
+    slow = [f"condition.mach={mach}", "duration_s=20"]
+    fixed = _flown("speed-range", *SCHEDULED, *slow)
+    assert (np.mean(np.abs(np.diff(fixed["elevator_deg"][1000:])) * 100.0 > 59.0) > 0.9) == cycles
+    adaptive = _flown("speed-range", *slow)
+    assert np.mean(np.abs(np.diff(adaptive["elevator_deg"][1000:])) * 100.0 > 59.0) < 0.02
+
+
 def test_the_correction_by_k_goes_with_the_scheduled_law() -> None:
     """With the prefilter: a step asks the corrected loop for 1/K times the elevator, and its rate is used up."""
     adapt = ["adaptation.enabled=true", "adaptation.estimator=k", 'estimators=[{name="k"}]', "command.filter_rad_s=3"]
