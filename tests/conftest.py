@@ -18,6 +18,7 @@ from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import trim
 from flightbed.units import FT
+from tests.golden_flights import GOLDEN_PROPERTY, Compared, summary
 
 os.environ.pop("RERUN", None)  # RERUN=off would turn every recording into nothing
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -42,3 +43,11 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     seed = zlib.crc32(request.node.nodeid.encode())
     print(f"seed {seed}")
     return np.random.default_rng(seed)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print how the shipped flights were compared with the golden table."""
+    reports = [report for kind in ("passed", "failed") for report in terminalreporter.stats.get(kind, [])]
+    found = [value for report in reports for name, value in report.user_properties if name == GOLDEN_PROPERTY]
+    if found:
+        terminalreporter.write_line("golden flights: " + summary([Compared(*values) for values in found]))
