@@ -18,6 +18,7 @@ from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import trim
 from flightbed.units import FT
+from tests.flights import ShippedFlight, once
 from tests.golden_flights import GOLDEN_PROPERTY, Compared, summary
 
 os.environ.pop("RERUN", None)  # RERUN=off would turn every recording into nothing
@@ -35,6 +36,15 @@ def design(f16: Aircraft) -> ShortPeriod:
     """The design model at Mach 0.8, 20,000 ft."""
     airframe = JsbsimAirframe(f16, mach=0.8, altitude_m=20000 * FT)
     return short_period(linearize(airframe, trim(airframe)), actuator_rad_s=f16.actuator.lag_rad_s)
+
+
+@pytest.fixture(scope="session")
+def shipped_flight(tmp_path_factory: pytest.TempPathFactory) -> ShippedFlight:
+    """Shipped scenario -> its Result, flown once in a session."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "shipped-flights"
+    folder.mkdir(exist_ok=True)
+    return once(folder)
 
 
 @pytest.fixture

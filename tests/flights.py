@@ -1,14 +1,42 @@
-"""The shipped scenarios, each flown once per test process."""
+"""The shipped scenarios, each flown once per test session, whichever worker asks first."""
 
 from __future__ import annotations
 
+import fcntl
+import pickle
+from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 from flightbed.mission import Result, run
 from flightbed.scenario import load_scenario
 
+ShippedFlight = Callable[[str], Result]
 
-@cache
-def flown(name: str) -> Result:
-    """Return the flight of a shipped scenario as it stands. Shared between tests: change nothing in it."""
+
+def fly_shipped(name: str) -> Result:
+    """Fly a shipped scenario as it stands."""
     return run(load_scenario(name), rerun=False)
+
+
+def once(folder: Path, fly: ShippedFlight = fly_shipped) -> ShippedFlight:
+    """Return ``fly`` with its results kept in a folder, which all workers of a session share.
+
+    A flight is kept as it is (pickled: the same bits). Nothing that uses it may change it.
+    """
+
+    @cache
+    def flown(name: str) -> Result:
+        kept = folder / f"{name}.pickle"
+        with (folder / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # a worker that dies gives it back
+            if kept.is_file():
+                result: Result = pickle.loads(kept.read_bytes())
+                return result
+            result = fly(name)
+            written = kept.with_suffix(".part")
+            written.write_bytes(pickle.dumps(result))
+            written.replace(kept)
+            return result
+
+    return flown

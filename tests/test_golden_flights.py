@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flightbed import data
-from tests.flights import flown
+from flightbed.mission import Result, run
+from flightbed.scenario import load_scenario
+from tests.bits import compare
+from tests.flights import ShippedFlight, once
 from tests.golden_flights import (
     GOLDEN,
     GOLDEN_PROPERTY,
@@ -33,11 +37,14 @@ TICKS = 400
 
 
 @pytest.mark.parametrize("name", list(data.names("scenario")))
-def test_a_shipped_flight_is_the_golden_one(name: str, record_property: pytest.RecordProperty) -> None:
-    compared = TABLE.flights[name].compared(flown(name).trace.columns, KEY)
+def test_a_shipped_flight_is_the_golden_one(
+    name: str, shipped_flight: ShippedFlight, record_property: Callable[[str, object], None]
+) -> None:
+    columns = shipped_flight(name).trace.columns
+    compared = TABLE.flights[name].compared(columns, KEY)
     record_property(GOLDEN_PROPERTY, list(dataclasses.astuple(compared)))
     assert not compared.problems, "\n".join(compared.problems)
-    assert compared.by_sha256 + compared.by_samples == len(flown(name).trace.columns)
+    assert compared.by_sha256 + compared.by_samples == len(columns)
 
 
 def test_the_table_holds_the_shipped_scenarios_and_is_small() -> None:
@@ -46,13 +53,28 @@ def test_the_table_holds_the_shipped_scenarios_and_is_small() -> None:
     assert sum(path.stat().st_size for path in GOLDEN.glob("flights.*")) < 1.5e6
 
 
-def test_a_known_flight_also_agrees_with_its_samples() -> None:
-    """The way of an unknown environment, taken in this one: nothing but the last digits may hide behind the SHA-256."""
-    compared = TABLE.flights["elevator-loss"].compared(flown("elevator-loss").trace.columns, "unknown")
+def test_a_known_flight_also_agrees_with_its_samples(shipped_flight: ShippedFlight) -> None:
+    """An unknown environment's comparison, in this one: the SHA-256 and the samples are of the same flight."""
+    columns = shipped_flight("elevator-loss").trace.columns
+    compared = TABLE.flights["elevator-loss"].compared(columns, "unknown")
     assert compared.problems == []
     assert compared.by_sha256 == 0
-    assert compared.by_samples == len(flown("elevator-loss").trace.columns)
-    assert "0 columns compared by SHA-256, 61 with samples" in summary([compared])
+    assert compared.by_samples == len(columns)
+    assert f"0 columns compared by SHA-256, {len(columns)} with samples" in summary([compared])
+
+
+def test_a_flight_is_flown_once_and_kept_as_it_is(tmp_path: Path) -> None:
+    flown: list[str] = []
+
+    def fly(name: str) -> Result:
+        flown.append(name)
+        return run(load_scenario(name, ["duration_s=0.5", "failures.0.at_s=0.2"]))
+
+    first = once(tmp_path, fly)("straight-and-level")
+    again = once(tmp_path, fly)("straight-and-level")  # as of another worker: read from the folder
+    assert flown == ["straight-and-level"]
+    assert compare("", first.trace.columns, again.trace.columns).same
+    assert again.summary == first.summary
 
 
 def test_the_environment_names_versions_features_and_kernel() -> None:
