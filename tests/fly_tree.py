@@ -39,7 +39,7 @@ def main(tree: str, folder: str, *files: str) -> int:
         except Exception as error:  # any failure of one tree is a result of the comparison
             (out / f"{number}.txt").write_text(f"{type(error).__name__}: {error}")
         else:
-            np.savez(out / f"{number}.npz", **trace.columns)
+            np.savez(out / f"{number}.npz", **trace.columns)  # type: ignore[arg-type]
     return 0
 
 

@@ -79,7 +79,7 @@ def _libc() -> str:
 
 def _numpy_features() -> str:
     """Return the CPU features for which numpy has code of its own, and that are present and not switched off."""
-    simd = np.show_config(mode="dicts")["SIMD Extensions"]  # type: ignore[index, call-overload]
+    simd = np.show_config(mode="dicts")["SIMD Extensions"]
     return " ".join([*simd.get("baseline", []), *simd.get("found", [])])
 
 
@@ -95,7 +95,7 @@ def _compiled_for() -> str:
 
 def _libm_features() -> str:
     """Return the CPU features by which glibc chooses its sin, exp, pow, ..., and what is set for it by hand."""
-    from llvmlite.binding import get_host_cpu_features
+    from llvmlite.binding import get_host_cpu_features  # type: ignore[import-untyped]
 
     features = get_host_cpu_features()
     present = [name for name in ("fma", "fma4", "avx2") if features.get(name)]
@@ -109,7 +109,7 @@ def _blas() -> dict[str, str]:
     found = {f"BLAS {path.name}": _openblas(path) or "kernel not known" for path in _blas_libraries()}
     if found:
         return found
-    blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]  # type: ignore[index, call-overload]
+    blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
     return {"BLAS": f"{blas.get('name')} {blas.get('version')}, kernel not known"}
 
 
@@ -156,7 +156,8 @@ def sha256(column: Vector) -> str:
 
 def sampled(column: Vector) -> Vector:
     """Return evenly spaced values of a column, the first and the last among them."""
-    return column[np.linspace(0, len(column) - 1, SAMPLES).round().astype(int)]
+    values: Vector = column[np.linspace(0, len(column) - 1, SAMPLES).round().astype(int)]
+    return values
 
 
 def scale(column: Vector) -> float:
@@ -320,8 +321,8 @@ class Table:
         if differing and changed is None:
             listed = "; ".join(f"{name}: {', '.join(columns)}" for name, columns in differing.items())
             raise ValueError(f'entries would change ({listed}); find out why, then give the reason: --changed "..."')
-        for name, columns in differing.items():
-            self._drop(name, columns, flown.get(name, {}))
+        for name, contradicted in differing.items():
+            self._drop(name, contradicted, flown.get(name, {}))
         if differing:
             self.changes.append({"why": changed, "columns": differing})
         added = 0
