@@ -13,7 +13,6 @@ from flightbed import registry
 from flightbed.errors import ExtensionError, FlightbedError
 
 if TYPE_CHECKING:
-    from flightbed.extension import Extension
     from flightbed.signals import Sample
 
 _PACKAGE = str(Path(__file__).resolve().parent)
@@ -21,7 +20,7 @@ _NOT_OWN = (_PACKAGE, sysconfig.get_path("stdlib"), "<")
 
 
 @contextmanager
-def watched(control_hz: int, used: Sequence[Extension] | None = None) -> Iterator[None]:
+def watched(control_hz: int, used: Sequence[registry.Permitted] | None = None) -> Iterator[None]:
     """Turn what is raised by own code, or on what it gave, into one line with its file, its line and the flight's time.
 
     Nothing is watched while all goes well: the traceback tells the rest.
@@ -45,13 +44,13 @@ def watched(control_hz: int, used: Sequence[Extension] | None = None) -> Iterato
         raise ExtensionError(_in_flight(error, own, control_hz)) from error
 
 
-def guarded(samples: Iterator[Sample], control_hz: int, used: Sequence[Extension]) -> Iterator[Sample]:
+def guarded(samples: Iterator[Sample], control_hz: int, used: Sequence[registry.Permitted]) -> Iterator[Sample]:
     """Yield the samples, watched."""
     with watched(control_hz, used):
         yield from samples
 
 
-def in_constructor(error: Exception, extension: Extension) -> str:
+def in_constructor(error: Exception, extension: registry.Permitted) -> str:
     """Return the line for what was raised when own code was to build what flies."""
     found = _own_frame(error, [extension])
     said = line_of(error)
@@ -59,7 +58,7 @@ def in_constructor(error: Exception, extension: Extension) -> str:
     return f"own code {extension.name}: cannot be built: {told}"
 
 
-def _in_flight(error: Exception, own: Sequence[Extension], control_hz: int) -> str:
+def _in_flight(error: Exception, own: Sequence[registry.Permitted], control_hz: int) -> str:
     frames = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__)]
     looping = [f for f, _ in frames if f.f_globals.get("__name__") == "flightbed.loop" and f.f_code.co_name == "fly"]
     tick = looping[0].f_locals.get("tick") if looping else None
@@ -74,7 +73,7 @@ def _in_flight(error: Exception, own: Sequence[Extension], control_hz: int) -> s
     )
 
 
-def _own_frame(error: Exception, own: Sequence[Extension]) -> tuple[str, str] | None:
+def _own_frame(error: Exception, own: Sequence[registry.Permitted]) -> tuple[str, str] | None:
     """Return whose frame is the innermost that is own code, and its file and line."""
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         file, inside = frame.f_code.co_filename, frame.f_code.co_qualname.partition(".")[0]

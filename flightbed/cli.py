@@ -178,7 +178,7 @@ def compare(
 
     read = comparison.load_runs(runs)
     place = out if out is not None else Path("comparisons") / comparison.short_name(read)
-    target = folder.check_target(place, replace=out is not None, files=folder.COMPARISON_FILES)
+    target = folder.check_target(place, folder.COMPARISON, replace=out is not None)
     written = folder.write_comparison(read, comparison_report(read), target, replace=out is not None)
     if json:
         print(json_module.dumps({**comparison.to_dict(read), "folder": str(written)}, indent=2))
@@ -366,7 +366,7 @@ def reproduce(
         if value is not None and value < 1:
             raise InputError(f"{option}: must be at least 1 (got {value})")
     place = out if out is not None else Path("studies") / study
-    target = folder.check_target(place, replace=out is not None, files=folder.STUDY_FILES)
+    target = folder.check_target(place, folder.STUDY, replace=out is not None)
     with progress_bar() as progress, ensemble.processes(workers) as executor:
         document = recompute(chosen, runs or chosen.runs, executor=executor, progress=progress)
     written = folder.write_study(document, target, replace=out is not None)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from flightbed import reconstruction_keys, registry
 from flightbed.command.harmonics import MOST_HARMONICS, harmonics
 from flightbed.errors import did_you_mean
 from flightbed.naming import estimate_name
+from flightbed.settings import (
+    LOAD_FACTOR_LAWS,
+    Command,
+    EstimatorSettings,
+    RollCommand,
+    Scenario,
+    SideslipCommand,
+)
 from flightbed.signals import SURFACES
 
-if TYPE_CHECKING:
-    from flightbed.settings import Command, EstimatorSettings, RollCommand, Scenario, SideslipCommand
-
-LOAD_FACTOR_LAWS = ("nz-adaptive", "nz-scheduled")  # commanded in g
 _PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
 _BAND = _PULSES | {"low_hz", "high_hz"}
 _BINARY = {"switch_s", "register_bits", "seed"}

@@ -157,7 +157,8 @@ def named_by(scenario: Scenario) -> tuple[Extension, ...]:
     turning = (scenario.lateral.roll.kind, scenario.lateral.sideslip.kind) if scenario.lateral.enabled else ()
     kinds = (scenario.command.kind, *turning, *(f.kind for f in scenario.failures), scenario.control.law)
     own = registry.in_use()
-    return tuple(own[k] for k in dict.fromkeys((*kinds, *(e.kind for e in scenario.estimators))) if k in own)
+    found = (own.get(kind) for kind in dict.fromkeys((*kinds, *(e.kind for e in scenario.estimators))))
+    return tuple(extension for extension in found if isinstance(extension, Extension))
 
 
 def check_named(scenario: Scenario, names: Sequence[str]) -> None:

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flightbed.card import run_card
 from flightbed.errors import OutputError
@@ -22,22 +22,41 @@ if TYPE_CHECKING:
     from flightbed.mission import Result
     from flightbed.telemetry.shown import Shown
 
-RUN_FILES = frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"})
-CAMPAIGN_FILES = frozenset(
-    {"scenario.toml", "campaign.toml", "table.parquet", "summary.json", "report.html", "histories.parquet", "traces"}
+
+class FolderKind(NamedTuple):
+    """A kind of folder that flightbed writes, and the names of the files in it."""
+
+    name: str
+    files: frozenset[str]
+
+
+RUN = FolderKind("run", frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"}))
+CAMPAIGN = FolderKind(
+    "campaign",
+    frozenset(
+        {
+            "scenario.toml",
+            "campaign.toml",
+            "table.parquet",
+            "summary.json",
+            "report.html",
+            "histories.parquet",
+            "traces",
+        }
+    ),
 )
-STUDY_FILES = frozenset({"report.html", "results.json"})
-COMPARISON_FILES = frozenset({"comparison.rrd", "comparison.json", "report.html"})
-_KINDS = {RUN_FILES: "run", STUDY_FILES: "study", COMPARISON_FILES: "comparison"}  # others are campaigns'
+STUDY = FolderKind("study", frozenset({"report.html", "results.json"}))
+COMPARISON = FolderKind("comparison", frozenset({"comparison.rrd", "comparison.json", "report.html"}))
 
 
-def check_target(target: Path, *, replace: bool, files: frozenset[str] = RUN_FILES) -> Path:
+def check_target(target: Path, kind: FolderKind, *, replace: bool, scratch: frozenset[str] = frozenset()) -> Path:
     """Refuse a target that would lose something, and one that cannot be written, before flying.
 
     Args:
         target: the folder.
-        replace: whether a folder of that name is to be replaced; only one that holds nothing but ``files`` is.
-        files: what folders of this kind hold.
+        kind: the kind of folder to be written.
+        replace: whether a folder of that name is to be replaced; only one that holds files of its kind alone is.
+        scratch: further names that a folder of this kind may hold while it is unfinished.
 
     """
     try:
@@ -47,10 +66,10 @@ def check_target(target: Path, *, replace: bool, files: frozenset[str] = RUN_FIL
         if replace and target.exists() and not target.is_dir():
             raise OutputError(f"--out {target}: is a file; name a folder")
         if replace and target.is_dir():
-            strangers = sorted(p.name for p in target.iterdir() if p.name not in files)
+            strangers = sorted(p.name for p in target.iterdir() if p.name not in kind.files | scratch)
             if strangers:
                 raise OutputError(
-                    f"--out {target}: holds '{strangers[0]}', which is not from a {_KINDS.get(files, 'campaign')}; name a new folder"
+                    f"--out {target}: holds '{strangers[0]}', which is not from a {kind.name}; name a new folder"
                 )
         parent = next(p for p in target.absolute().parents if p.exists())
         tempfile.TemporaryDirectory(dir=parent, prefix=".flightbed-").cleanup()

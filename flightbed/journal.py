@@ -21,7 +21,7 @@ from flightbed.campaign_flights import CHUNK, Flown
 from flightbed.campaign_histories import Histories
 from flightbed.campaign_table import Row
 from flightbed.errors import InputError, OutputError
-from flightbed.folder import CAMPAIGN_FILES, check_target, put_whole
+from flightbed.folder import CAMPAIGN, check_target, put_whole
 from flightbed.programme import Programme
 
 UNFINISHED = "unfinished"
@@ -85,7 +85,7 @@ class Journal:
 
     def _clear(self) -> None:
         """Take away what an earlier campaign has left in the folder."""
-        for name in CAMPAIGN_FILES:
+        for name in CAMPAIGN.files:
             if (self.target / name).is_dir():
                 shutil.rmtree(self.target / name)
             else:
@@ -156,7 +156,7 @@ def journal(out: Path, programme: Programme, *, replace: bool, resume: bool) -> 
             raise InputError(
                 f"--out {target}: holds an unfinished campaign; go on with it, --resume, or delete it, or name another folder"
             )
-    target = check_target(target, replace=replace, files=CAMPAIGN_FILES | {UNFINISHED, _DONE})
+    target = check_target(target, CAMPAIGN, replace=replace, scratch=frozenset({UNFINISHED, _DONE}))
     try:
         if state is None:
             target = _begin(target, programme, replace=replace)

@@ -22,7 +22,7 @@ from flightbed.errors import ExtensionError
 from flightbed.estimation.base import estimate_names
 from flightbed.excitation import with_excitation
 from flightbed.extension import named_by
-from flightbed.folder import check_target, shown, write_run
+from flightbed.folder import RUN, check_target, shown, write_run
 from flightbed.fused import ready, rows_of
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.live import Live
@@ -94,7 +94,7 @@ def run(
         InputError, NotComputableError, as the parts do; OutputError when the folder cannot be written.
 
     """
-    target = None if out is None else check_target(Path(out), replace=replace)
+    target = None if out is None else check_target(Path(out), RUN, replace=replace)
     planned = plan(scenario)
     flight = assemble(planned)
     try:

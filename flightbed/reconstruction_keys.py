@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from flightbed.settings import EstimatorSettings, GustSettings, Scenario
+from flightbed.settings import EstimatorSettings, GustSettings, Scenario
 
 KINDS = ("retrospective-cost", "input-kalman")
 _RETROSPECTIVE = ("order", "horizon", "regularization", "initial_covariance", "input_forgetting", "saturation_deg")

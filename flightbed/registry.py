@@ -14,12 +14,9 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from flightbed.errors import ExtensionError, UnknownNameError
-
-if TYPE_CHECKING:
-    from flightbed.extension import Extension
 
 _BUILT_IN = MappingProxyType(
     {
@@ -71,8 +68,28 @@ _BUILT_IN = MappingProxyType(
 
 FAMILIES = tuple(_BUILT_IN)
 
-_NOTHING: Mapping[str, Extension] = MappingProxyType({})
-_PERMITTED: ContextVar[Mapping[str, Extension]] = ContextVar("flightbed code of the user's own", default=_NOTHING)
+
+class Permitted(Protocol):
+    """Code from outside the package that is permitted: see ``extension.Extension``."""
+
+    @property
+    def name(self) -> str:
+        """Name by which scenarios refer to it."""
+
+    @property
+    def files(self) -> frozenset[str]:
+        """Source files in which its frames are found."""
+
+    @property
+    def sha256(self) -> str | None:
+        """Hash of its source file as it was loaded; None where there is no file."""
+
+    def maker(self, family: str) -> Callable[..., Any]:
+        """Return the factory that builds its objects."""
+
+
+_NOTHING: Mapping[str, Permitted] = MappingProxyType({})
+_PERMITTED: ContextVar[Mapping[str, Permitted]] = ContextVar("flightbed code of the user's own", default=_NOTHING)
 
 
 def names(family: str) -> tuple[str, ...]:
@@ -90,13 +107,13 @@ def is_taken(family: str, name: str) -> bool:
     return name in _BUILT_IN[family] or name in _installed(family)
 
 
-def in_use() -> Mapping[str, Extension]:
+def in_use() -> Mapping[str, Permitted]:
     """Return the code of the user's own that is permitted here and now, by name."""
     return _PERMITTED.get()
 
 
 @contextmanager
-def permitted(extensions: Mapping[str, Extension]) -> Iterator[None]:
+def permitted(extensions: Mapping[str, Permitted]) -> Iterator[None]:
     """Permit these and no others for as long as it lasts, in this thread."""
     token = _PERMITTED.set(MappingProxyType(dict(extensions)))
     try:

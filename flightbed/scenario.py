@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from flightbed import data
-from flightbed.consistency import idle_keys
+from flightbed.consistency import contradictions, idle_keys
 from flightbed.errors import ScenarioError, did_you_mean
 from flightbed.override import override
 from flightbed.settings import Scenario, ValidationError, known_keys
@@ -61,9 +61,12 @@ def validated(raw: Mapping[str, Any], place: str, origins: Mapping[str, str]) ->
 
     """
     try:
-        return Scenario.model_validate(frozen(raw))
+        scenario = Scenario.model_validate(frozen(raw))
     except ValidationError as error:
-        raise ScenarioError(problems(error, place, origins)) from None
+        raise ScenarioError(problems(error, place, origins, model=Scenario)) from None
+    if found := contradictions(scenario):
+        raise ScenarioError([f"{place}: {line}" for line in found])
+    return scenario
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -92,7 +95,7 @@ def shown(path: Path) -> str:
 
 
 def problems(
-    error: ValidationError, place: str, origins: Mapping[str, str] = MappingProxyType({}), model: type = Scenario
+    error: ValidationError, place: str, origins: Mapping[str, str] = MappingProxyType({}), *, model: type
 ) -> list[str]:
     """Return what a validation found, one line each, with place, value and cure."""
 

@@ -71,10 +71,6 @@ class Schedule:
             [sizes, self.per_newton, self.span_m, *parts, self.thrust_n.ravel(), self.coefficients.ravel()]
         )
 
-    def with_throttle(self, airframe: Airframe, throttle: float) -> Schedule:
-        """Return the schedule with the thrust of another throttle setting."""
-        return replace(self, thrust_n=_thrust(airframe, throttle, self.mach, self.altitude_m))
-
     def scaled(
         self, *, cm_alpha: float = 1.0, cm_q: float = 1.0, cm_delta: float = 1.0, about_rad: float = 0.0
     ) -> Schedule:
@@ -153,7 +149,7 @@ def load_schedule(
     try:
         with np.load(io.BytesIO(file.read_bytes())) as held:
             schedule = Schedule(**{name: held[name] for name in Schedule.__dataclass_fields__})
-        return schedule.with_throttle(airframe, throttle)
+        return with_throttle(schedule, airframe, throttle)
     except (OSError, ValueError, KeyError, EOFError, BadZipFile):
         schedule = build_schedule(standard(), throttle=0.0)
     buffer = io.BytesIO()
@@ -165,7 +161,12 @@ def load_schedule(
         Path(part.name).replace(file)
     except OSError:
         pass
-    return schedule.with_throttle(airframe, throttle)
+    return with_throttle(schedule, airframe, throttle)
+
+
+def with_throttle(schedule: Schedule, airframe: Airframe, throttle: float) -> Schedule:
+    """Return the schedule with the thrust of another throttle setting, 0 to 1."""
+    return replace(schedule, thrust_n=_thrust(airframe, throttle, schedule.mach, schedule.altitude_m))
 
 
 def nodes(breakpoints: Sequence[float], span: tuple[float, float], fill: float | None) -> Array:

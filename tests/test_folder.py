@@ -10,7 +10,7 @@ import pytest
 
 from flightbed.document import Claim, Document, Section, Table
 from flightbed.errors import OutputError
-from flightbed.folder import RUN_FILES, STUDY_FILES, check_target, write_study
+from flightbed.folder import RUN, STUDY, check_target, write_study
 from flightbed.page import render
 from flightbed.statistics import Interval
 
@@ -28,7 +28,7 @@ def test_a_study_is_its_page_and_its_numbers(tmp_path: Path) -> None:
     document = _document(runs=5)
     target = tmp_path / "studies" / "x"
     assert write_study(document, target, replace=True) == target
-    assert {p.name for p in target.iterdir()} == STUDY_FILES
+    assert {p.name for p in target.iterdir()} == STUDY.files
     assert (target / "report.html").read_text(encoding="utf-8") == render(document)
 
     def refuse(constant: str) -> None:
@@ -64,17 +64,17 @@ def test_a_study_that_cannot_be_written_leaves_what_was_there(tmp_path: Path, re
 
 def test_only_a_study_is_replaced_by_a_study(tmp_path: Path) -> None:
     target = tmp_path / "x"
-    assert check_target(target, replace=True, files=STUDY_FILES) == target
+    assert check_target(target, STUDY, replace=True) == target
     write_study(_document(), target, replace=True)
-    assert check_target(target, replace=True, files=STUDY_FILES) == target
+    assert check_target(target, STUDY, replace=True) == target
     with pytest.raises(OutputError, match=r"x: holds 'results\.json', which is not from a run; name a new folder"):
-        check_target(target, replace=True)
+        check_target(target, RUN, replace=True)
     (target / "metrics.json").write_text("{}")
     with pytest.raises(OutputError, match=r"x: holds 'metrics\.json', which is not from a study; name a new folder"):
-        check_target(target, replace=True, files=STUDY_FILES)
-    assert check_target(target, replace=False, files=STUDY_FILES) == target
-    assert RUN_FILES - STUDY_FILES
-    assert STUDY_FILES - RUN_FILES
+        check_target(target, STUDY, replace=True)
+    assert check_target(target, STUDY, replace=False) == target
+    assert RUN.files - STUDY.files
+    assert STUDY.files - RUN.files
 
 
 def test_a_target_that_cannot_be_is_refused_before_anything_is_computed(
@@ -82,21 +82,21 @@ def test_a_target_that_cannot_be_is_refused_before_anything_is_computed(
 ) -> None:
     (tmp_path / "file").write_text("mine")
     with pytest.raises(OutputError, match="file: is a file; name a folder"):
-        check_target(tmp_path / "file", replace=True, files=STUDY_FILES)
+        check_target(tmp_path / "file", STUDY, replace=True)
     with pytest.raises(OutputError, match="cannot be written"):
-        check_target(tmp_path / "file" / "x", replace=False, files=STUDY_FILES)
+        check_target(tmp_path / "file" / "x", STUDY, replace=False)
     with pytest.raises(OutputError, match="cannot be written"):
-        check_target(Path("/proc/nowhere/x"), replace=False, files=STUDY_FILES)
+        check_target(Path("/proc/nowhere/x"), STUDY, replace=False)
     (tmp_path / "deep").mkdir()
     (tmp_path / "link").symlink_to(tmp_path)
     monkeypatch.chdir(tmp_path / "deep")
     for here in (Path(), Path(".."), tmp_path, Path("../deep/../deep"), tmp_path / "link" / "deep"):
         with pytest.raises(OutputError, match="is the folder you are in"):
-            check_target(here, replace=True, files=STUDY_FILES)
+            check_target(here, STUDY, replace=True)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["deep", "file", "link"]
 
 
 def test_a_link_to_a_study_is_followed(tmp_path: Path) -> None:
     write_study(_document(), tmp_path / "x", replace=True)
     (tmp_path / "link").symlink_to("x")
-    assert check_target(tmp_path / "link", replace=True, files=STUDY_FILES) == (tmp_path / "x").resolve()
+    assert check_target(tmp_path / "link", STUDY, replace=True) == (tmp_path / "x").resolve()

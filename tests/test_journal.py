@@ -26,7 +26,7 @@ from flightbed.campaign_file import load_programme, plain
 from flightbed.campaign_flights import Chunk, Flown, chunk_of, fly_chunk
 from flightbed.engine import Engine
 from flightbed.errors import InputError, OutputError
-from flightbed.folder import CAMPAIGN_FILES
+from flightbed.folder import CAMPAIGN
 from flightbed.journal import Journal, journal
 from flightbed.mission import run as fly_one
 from flightbed.programme import Programme
@@ -103,7 +103,7 @@ def _stop_after(chunks: int) -> Callable[[int, int], None]:
 
 
 def test_a_finished_folder_holds_what_it_should(whole: Path, programme: Programme) -> None:
-    assert {p.name for p in whole.iterdir()} == CAMPAIGN_FILES - {"campaign.toml", "traces"}
+    assert {p.name for p in whole.iterdir()} == CAMPAIGN.files - {"campaign.toml", "traces"}
     table = pq.read_table(whole / "table.parquet").to_pylist()
     assert [row["index"] for row in table] == list(range(RUNS))
     assert len({row["hash"] for row in table}) == RUNS

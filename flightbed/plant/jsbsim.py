@@ -15,12 +15,12 @@ import threading
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Protocol
 
 os.environ.setdefault("JSBSIM_DEBUG", "0")  # before the import: the banner is printed by the constructor
 
 import jsbsim
 
-from flightbed.aircraft import Aircraft
 from flightbed.errors import AircraftError, UnknownNameError
 from flightbed.stock import StockAircraft, engine_names, read_stock, references
 from flightbed.tables import breakpoints
@@ -46,6 +46,27 @@ if threading.current_thread() is threading.main_thread():
 
 Getter = Callable[[], float]
 Setter = Callable[[float], object]
+
+
+class Overlay(Protocol):
+    """An aircraft that is a patched stock model; hashable by its content."""
+
+    @property
+    def name(self) -> str:
+        """Name of the patched model."""
+
+    @property
+    def stock_file(self) -> str:
+        """Path of the stock model inside the jsbsim package."""
+
+    def patch(self, stock: bytes) -> bytes:
+        """Return the stock model with all edits applied."""
+
+    def references(self) -> list[tuple[str, str]]:
+        """Return (file, property) for every property that the edits refer to."""
+
+    def __hash__(self) -> int:
+        """Return the hash of the content."""
 
 
 def version() -> str:
@@ -75,7 +96,7 @@ def stock_aircraft(name: str) -> StockAircraft:
 class Fdm:
     """One FGFDMExec with one model loaded, and its properties by name."""
 
-    def __init__(self, aircraft: Aircraft | StockAircraft, dt_s: float) -> None:
+    def __init__(self, aircraft: Overlay | StockAircraft, dt_s: float) -> None:
         root = Path(jsbsim.get_default_root_dir())
         self.exec = jsbsim.FGFDMExec(str(root))
         self.exec.set_debug_level(0)
@@ -181,7 +202,7 @@ class Fdm:
 
 
 @cache
-def _patched(aircraft: Aircraft) -> bytes:
+def _patched(aircraft: Overlay) -> bytes:
     stock = Path(jsbsim.get_default_root_dir()) / aircraft.stock_file
     try:
         return aircraft.patch(stock.read_bytes())
@@ -190,7 +211,7 @@ def _patched(aircraft: Aircraft) -> bytes:
 
 
 @cache
-def kinks(aircraft: Aircraft | StockAircraft, path: str) -> tuple[float, ...]:
+def kinks(aircraft: Overlay | StockAircraft, path: str) -> tuple[float, ...]:
     """Return the breakpoints of tables and thresholds of switches over a property, in the aircraft's and its engines' files."""
     if isinstance(aircraft, StockAircraft):
         files = [aircraft.file, *aircraft.engine_files]
@@ -207,7 +228,7 @@ def _workspace() -> tempfile.TemporaryDirectory[str]:
 
 
 @cache
-def _model_folder(aircraft: Aircraft | StockAircraft) -> Path:
+def _model_folder(aircraft: Overlay | StockAircraft) -> Path:
     """Write the model where JSBSim can load it; the folder goes with the process.
 
     Of a stock aircraft it is a copy, with the systems and engines beside it, that writes no output files.

@@ -8,6 +8,7 @@ from flightbed.settings.campaign import CampaignSettings as CampaignSettings
 from flightbed.settings.campaign import Criterion as Criterion
 from flightbed.settings.load_factor import Autothrottle as Autothrottle
 from flightbed.settings.load_factor import Identification as Identification
+from flightbed.settings.scenario import LOAD_FACTOR_LAWS as LOAD_FACTOR_LAWS
 from flightbed.settings.scenario import Adaptation as Adaptation
 from flightbed.settings.scenario import AircraftSettings as AircraftSettings
 from flightbed.settings.scenario import Atmosphere as Atmosphere

@@ -10,10 +10,11 @@ import tomli_w
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from flightbed.consistency import LOAD_FACTOR_LAWS, contradictions
 from flightbed.settings.base import Identifier, NonNegative, OwnSettings, Positive, Settings, Share, between, registered
 from flightbed.settings.load_factor import Autothrottle, Identification
 from flightbed.units import DEG
+
+LOAD_FACTOR_LAWS = ("nz-adaptive", "nz-scheduled")  # commanded in g
 
 
 class AircraftSettings(Settings):
@@ -377,12 +378,6 @@ class Scenario(Settings):
     def in_g(self) -> bool:
         """Whether the law is commanded in g, and not in pitch rate."""
         return self.control.law in LOAD_FACTOR_LAWS
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Scenario:
-        if problems := contradictions(self):
-            raise PydanticCustomError("consistency", "{problems}", {"problems": "\n".join(problems)})
-        return self
 
     def with_aircraft(self, model: str, sha256: str) -> Scenario:
         """Return the scenario bound to one very aircraft."""
