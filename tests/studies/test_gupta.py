@@ -17,7 +17,7 @@ from flightbed.studies.gupta import plants, printed, trials
 from flightbed.studies.gupta.claims import cases, claims
 from flightbed.studies.gupta.rivals import FORGETTING, HARMONIC, OBSERVER, OFF, RETROSPECTIVE, WALK, rivals
 from flightbed.studies.gupta.study import gupta
-from flightbed.studies.gupta.trials import EXAMPLES, WITHIN, Measured, as_printed, forgetful, measured, models
+from flightbed.studies.gupta.trials import EXAMPLES, WITHIN, RunMeasures, as_printed, forgetful, measure, models
 
 RUNS = 20
 RIGID, DAMPED, NEAR, FAR, MISSILE = EXAMPLES
@@ -28,7 +28,7 @@ CONTRARY = {
 
 
 @pytest.fixture(scope="module")
-def judged() -> tuple[dict[str, Claim], dict[str, list[Measured]]]:
+def judged() -> tuple[dict[str, Claim], dict[str, list[RunMeasures]]]:
     """The claims of 20 initial states and phases, and the runs behind them."""
     part = claims(RUNS)
     with processes() as executor:
@@ -39,7 +39,7 @@ def judged() -> tuple[dict[str, Claim], dict[str, list[Measured]]]:
 
 @pytest.mark.parametrize("name", [RIGID, DAMPED, MISSILE])
 def test_the_input_is_reconstructed_from_every_initial_state(
-    judged: tuple[object, dict[str, list[Measured]]], name: str
+    judged: tuple[object, dict[str, list[RunMeasures]]], name: str
 ) -> None:
     """Examples 1, 2 and 5 with the settings printed; example 1, unstable and with a zero at -1, by its constant regularization."""
     made = judged[1][name]
@@ -51,7 +51,7 @@ def test_the_input_is_reconstructed_from_every_initial_state(
 
 @pytest.mark.parametrize(("name", "damping"), [(NEAR, 4.0), (FAR, 10.0)])
 def test_example_4_reconstructs_the_equivalent_input(
-    judged: tuple[object, dict[str, list[Measured]]], name: str, damping: float
+    judged: tuple[object, dict[str, list[RunMeasures]]], name: str, damping: float
 ) -> None:
     """With forgetting, to 2 % and far better; and so its error against u is |1 - G(plant)/G(model)|, here by python-control."""
     made = judged[1][f"{name}, forgetting"]
@@ -68,7 +68,7 @@ def test_example_4_reconstructs_the_equivalent_input(
     assert min(m.equivalent_error for m in judged[1][name]) > 5.0 * WITHIN
 
 
-def test_example_3_finds_the_damping(judged: tuple[object, dict[str, list[Measured]]]) -> None:
+def test_example_3_finds_the_damping(judged: tuple[object, dict[str, list[RunMeasures]]]) -> None:
     made = judged[1]["damping, coarse"]
     assert len(made) == RUNS
     off = np.array([m.damping for m in made]) / printed.DAMPING - 1.0
@@ -143,7 +143,7 @@ def test_signals_are_those_of_their_seed_and_noise_is_added_to_them() -> None:
 
 def test_when_a_run_has_converged() -> None:
     case = as_printed("5")
-    made, found = trials.history(0, case), measured(0, case)
+    made, found = trials.history(0, case), measure(0, case)
     error = (made.input - made.signals.equivalent) / printed.AMPLITUDE
     inside = [np.sqrt(np.mean(error[i : i + 100] ** 2)) < WITHIN for i in range(len(error) - 99)]
     assert found.converged_at is not None
@@ -164,8 +164,8 @@ def test_rivals_on_the_same_signals() -> None:
         assert found[HARMONIC] is not None
         assert found[WALK] is not None
         assert found[HARMONIC] < 1e-9 < WITHIN < found[WALK]
-    assert damped[RETROSPECTIVE] == measured(0, EXAMPLES[DAMPED]).error
-    assert damped[FORGETTING] == measured(0, forgetful(EXAMPLES[DAMPED])).error
+    assert damped[RETROSPECTIVE] == measure(0, EXAMPLES[DAMPED]).error
+    assert damped[FORGETTING] == measure(0, forgetful(EXAMPLES[DAMPED])).error
 
 
 def test_noise_costs_the_unregularized_inverse_more_than_a_filter() -> None:

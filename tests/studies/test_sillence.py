@@ -212,7 +212,7 @@ def test_every_figure_is_there_and_shows_something(flown: Flights) -> None:
 
 def test_a_step_held_for_a_period_is_half_of_it_late(flown: Flights) -> None:
     (figure,) = [item for item in flown.figures.items if isinstance(item, Picture) and item.key == "figure-11"]
-    assert float(re.search(r"is ([\d.]+) ms behind", figure.facts)[1]) == pytest.approx(
+    assert float(re.search(r"is ([\d.]+) ms;", figure.facts)[1]) == pytest.approx(
         50.0, abs=2.5
     )  # T/2; the next term of exp(-3 t) is 3 T^2 / 12
 

@@ -150,7 +150,7 @@ def test_the_noise_is_the_same_in_all_cases() -> None:
 def test_measures_by_hand() -> None:
     case = unstable(LEFT)
     run = simulate(1, case)
-    found = measures.measured(run, case)
+    found = measures.run_measures(run, case)
     after = run.t_s > printed.FAILED_AT_S + 1e-9
     error = run.estimate - run.effectiveness
     assert found.error == pytest.approx(np.sqrt(np.mean(error[after] ** 2)), rel=1e-12)
@@ -160,7 +160,7 @@ def test_measures_by_hand() -> None:
     near = run.t_s[np.argmax(after & (np.max(np.abs(error), axis=1) < 0.2))] - printed.FAILED_AT_S
     assert measures.within_s(found, 0.2, PERIOD_S) == pytest.approx(near, abs=1e-9)
     assert measures.delay_s(found, 1e9, PERIOD_S) == np.inf
-    whole = measures.measured(simulate(1, unstable(None)), unstable(None))
+    whole = measures.run_measures(simulate(1, unstable(None)), unstable(None))
     assert np.isnan(whole.error)
     assert whole.failed == len(run.t_s)
 
@@ -247,7 +247,7 @@ def test_the_choices_table_counts_orders() -> None:
 
     def fake(which: str) -> Any:
         empty = np.zeros(2)
-        return measures.Measured(0.0, error[which], empty, empty, np.nan, 0.0, 0.0, 0.0, empty, empty, 0, 0.0)
+        return measures.RunMeasures(0.0, error[which], empty, empty, np.nan, 0.0, 0.0, 0.0, empty, empty, 0, 0.0)
 
     results = [[fake(names.get(repr(j.arguments[0].forgetting), "constant"))] * 12 for j in jobs]
     table = next(item for item in part.build(results).items if isinstance(item, Table))

@@ -1,4 +1,4 @@
-"""Figures 2 to 19, in the paper's order (figure 1 is a sketch of a block diagram)."""
+"""Figures 2 to 19 in the paper's order; Figure 1 is a block diagram."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _STATES = {"5": ("A_z, g", "q, rad/s", "fin, rad")}
 _MECHANICAL = ("position, m", "velocity, m/s")
-_SHOWN = 200  # samples of inputs and states that can still be told apart: the first and the last
+_SHOWN = 200  # samples in the lower plot of the input, from the end of the run
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,12 @@ class Figure:
     """One figure.
 
     Attributes:
-        number: the paper's.
-        title: what it shows.
-        case: what is run.
-        rows: axes.
-        draw: draws a run as printed, and the same with forgetting; returns computed facts in words.
-        share_x: whether the axes show the same samples.
+        number: number in the paper.
+        title: title without the number.
+        case: case to run.
+        rows: number of axes, one above the other.
+        draw: draws a run as printed and the same run with forgetting, and returns computed facts as sentences.
+        share_x: whether all axes show the same samples.
 
     """
 
@@ -56,7 +56,7 @@ class Figure:
 
 
 def figures() -> Part:
-    """Draw them all, each from one run (seed 0)."""
+    """Draw all figures, each from one run (seed 0)."""
     wanted = list(_figures())
     jobs = [Trials(history, (case,), 1) for figure in wanted for case in (figure.case, forgetful(figure.case))]
 
@@ -76,8 +76,8 @@ def figures() -> Part:
         return Section(
             "Figures",
             [
-                "One run each (seed 0), from initial states that the paper does not print, with the settings printed; where a "
-                "second line is drawn it is with lambda = 0.99.",
+                "One run each (seed 0), with the printed settings and with initial states of our choice, which the paper does not print. "
+                "A second line, where present, has lambda = 0.99.",
             ],
             pictures,
         )
@@ -148,7 +148,9 @@ def _input(axes: Sequence[Axes], run: History, again: History) -> str:
         off, equivalent = (_rms(made.input - truth) / unit for truth in (made.signals.input, made.signals.equivalent))
         parts.append(f"{words}: {off:.2g} of the amplitude, {equivalent:.2g} against the equivalent input")
     peak = float(np.max(np.abs(run.input)))
-    return f"Above all of it, cut at three amplitudes (peak {peak:.3g}); below its end. Error, RMS: {'; '.join(parts)}."
+    return (
+        f"Above the whole run, cut at three amplitudes (peak {peak:.3g}); below its end. RMS error: {'; '.join(parts)}."
+    )
 
 
 def _states_of(case: Case, samples: int) -> Callable[[Sequence[Axes], History, History], str]:
@@ -176,4 +178,4 @@ def _damping(axes: Sequence[Axes], run: History, _again: History) -> str:
     axes[0].set_ylim(0.0, 2.0 * printed.DAMPING)
     axes[0].set_ylabel("c, N s/m")
     drawing.legend(axes[0])
-    return f"Ends at {found[-1]:.4f} N s/m."
+    return f"Final value {found[-1]:.4f} N s/m."

@@ -1,4 +1,4 @@
-"""One run of an example: signals from a seed, reconstruction, and what it is measured by."""
+"""One run of an example: signals from a seed, reconstruction of the input, and error measures."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from flightbed.studies.gupta import plants, printed
 
 Array = npt.NDArray[np.float64]
 
-LAST = 100  # samples that errors are taken over, at the end
-WITHIN = 0.02  # of the input's amplitude: the error below which a run has converged
-FORGETTING = 0.99  # lambda of "with forgetting": the paper has lambda and prints none
-COVARIANCE_BOUND = 1e12  # only with forgetting; see RetrospectiveConfig
-_DIVERGED = 1e9  # times the amplitude: given up
-_RIGID_STD, _MISSILE_STD = (1.0, 1.0), (1.0, 0.1, 0.05)  # of the initial states: m, m/s; g, rad/s, rad
+LAST = 100  # samples at the end of a run over which errors are taken
+WITHIN = 0.02  # a run has converged if its error, as a share of the input's amplitude, is below this
+FORGETTING = 0.99  # lambda of "with forgetting"; the paper defines lambda and prints no value
+COVARIANCE_BOUND = 1e12  # with forgetting only; see RetrospectiveConfig
+_DIVERGED = 1e9  # |u^| in amplitudes at which a run is stopped
+_RIGID_STD, _MISSILE_STD = (1.0, 1.0), (1.0, 0.1, 0.05)  # initial states: m, m/s; g, rad/s, rad
 
 
 @dataclass(frozen=True)
 class Case:
-    """An example with its settings; the estimator always starts from x^ = 0.
+    """Settings of an example; the estimator starts from x^ = 0.
 
     Attributes:
         example: "1" ... "5".
-        believed: damping in the estimator's model, N s/m; None is the true one.
-        period_s: T_s.
-        samples: how long.
+        believed: damping in the estimator's model, N s/m; None for the true damping.
+        period_s: T_s, s.
+        samples: number of samples.
         order, initial_covariance, regularization, regularized_by, forgetting, saturation, delays, retained: as in RetrospectiveConfig.
-        initial_scale: of the initial states' standard deviations.
-        noise_share: standard deviation of the output's noise, of the RMS that the input alone gives the output.
+        initial_scale: factor on the standard deviations of the initial states.
+        noise_share: standard deviation of the output's noise, as a share of the output's RMS under the input alone.
 
     """
 
@@ -54,12 +54,18 @@ class Case:
     noise_share: float = 0.0
 
 
-_CHOSEN_PERIOD_S = 0.2  # of example 5
+_CHOSEN_PERIOD_S = 0.2  # example 5
 _SAMPLES = {"1": 1000, "2": 1000, "3": 300, "4": 3000, "5": 1000}
 
 
 def as_printed(example: str, believed: float | None = None) -> Case:
-    """Return an example with the settings that are printed, and without forgetting."""
+    """Return an example with the printed settings, without forgetting.
+
+    Args:
+        example: "1" ... "5".
+        believed: damping of the estimator's model, N s/m, for example 4.
+
+    """
     p = printed.SETTINGS[example]
     if example == "3":
         believed = printed.BELIEVED_3
@@ -68,7 +74,7 @@ def as_printed(example: str, believed: float | None = None) -> Case:
 
 
 def forgetful(case: Case) -> Case:
-    """Return a case with forgetting."""
+    """Return the case with forgetting factor ``FORGETTING``."""
     return replace(case, forgetting=FORGETTING)
 
 
@@ -82,7 +88,7 @@ EXAMPLES = {
 
 
 def models(case: Case) -> tuple[InputModel, InputModel]:
-    """Return the plant and the model of the estimator."""
+    """Return the models of the plant and of the estimator."""
     if case.example == "5":
         return plants.missile(case.period_s), plants.missile(case.period_s)
     damping = 0.0 if case.example == "1" else printed.DAMPING
@@ -92,20 +98,20 @@ def models(case: Case) -> tuple[InputModel, InputModel]:
 
 
 def initial_std(case: Case) -> Array:
-    """Return the standard deviations of the initial states."""
+    """Return the standard deviations of the initial states, (n,)."""
     return case.initial_scale * np.array(_MISSILE_STD if case.example == "5" else _RIGID_STD)
 
 
 class Signals(NamedTuple):
-    """What a plant does.
+    """Simulated signals of a plant.
 
     Attributes:
-        input: (N,) u; of example 3 what the damping that is not believed comes to, (c_0 - c) q'.
-        equivalent: (N,) the input that moves the believed model's output as u moves the plant's, in the steady state; of example 3 the same
-            as ``input``, which is so for short periods only.
+        input: (N,) u; in example 3 the force (c_0 - c) q' of the damping error.
+        equivalent: (N,) steady-state input with which the estimator's model has the output that the plant has under u; in example 3 equal to
+            ``input``, an approximation for short periods.
         states: (N, n).
-        outputs: (N,) with noise.
-        noise_std: of that.
+        outputs: (N,) outputs with noise.
+        noise_std: standard deviation of the noise.
 
     """
 
@@ -117,7 +123,7 @@ class Signals(NamedTuple):
 
 
 def signals(seed: int, case: Case) -> Signals:
-    """Simulate a plant from a random initial state, with a random phase of the input and noise if the case has any."""
+    """Simulate the plant of a case from a random initial state, with a random phase of the input and the noise of the case."""
     rng = np.random.default_rng(seed)
     plant, believed = models(case)
     x = rng.standard_normal(plant.states) * initial_std(case)
@@ -140,10 +146,10 @@ def signals(seed: int, case: Case) -> Signals:
 
 
 class History(NamedTuple):
-    """A reconstruction; all of it nan from where it was given up.
+    """History of a reconstruction; nan after a run is stopped.
 
     Attributes:
-        signals: what was reconstructed from.
+        signals: signals of the plant.
         input: (N,) u^(k).
         states: (N, n) x^(k).
         performance: (N,) z(k).
@@ -183,16 +189,16 @@ def history(seed: int, case: Case) -> History:
     return History(given, u, states, z, gains)
 
 
-class Measured(NamedTuple):
-    """What a run is judged by; errors are RMS over the last 100 samples, infinite if it was given up.
+class RunMeasures(NamedTuple):
+    """Measures of a run; errors are RMS over the last 100 samples, infinite if the run was stopped.
 
     Attributes:
-        error: of u^ against u, in shares of u's amplitude.
-        equivalent_error: against the equivalent input.
-        state_error: the largest of the states' errors, each in shares of the RMS that the input gives that state.
+        error: error of u^ against u, as a share of u's amplitude.
+        equivalent_error: error of u^ against the equivalent input, as a share of u's amplitude.
+        state_error: largest error of a state, each as a share of the state's RMS under the input alone.
         peak: largest |u^|, in amplitudes.
-        converged_at: sample from which on the error over the last 100 against the equivalent input stays below 2 %; None if never.
-        damping: (54), its median over the last 100 samples, N s/m; nan but in example 3.
+        converged_at: sample from which the error against the equivalent input over 100 samples stays below 2 %; None if never.
+        damping: median of (54) over the last 100 samples, N s/m; nan except in example 3.
 
     """
 
@@ -204,21 +210,21 @@ class Measured(NamedTuple):
     damping: float
 
 
-def measured(seed: int, case: Case) -> Measured:
-    """Reconstruct the input of one run and say how well."""
+def measure(seed: int, case: Case) -> RunMeasures:
+    """Reconstruct the input of one run and return its measures."""
     made = history(seed, case)
     given, found = made.signals, made.input
     if not np.all(np.isfinite(found)):
-        return Measured(inf, inf, inf, inf, None, inf)
+        return RunMeasures(inf, inf, inf, inf, None, inf)
     unit = printed.AMPLITUDE
     against = np.cumsum(np.insert(((found - given.equivalent) / unit) ** 2, 0, 0.0))
-    moving = np.sqrt(np.maximum(against[LAST:] - against[:-LAST], 0.0) / LAST)  # that of samples i ... i + 99
+    moving = np.sqrt(np.maximum(against[LAST:] - against[:-LAST], 0.0) / LAST)  # RMS over samples i ... i + 99
     outside = np.flatnonzero(moving >= WITHIN)
     first = 0 if outside.size == 0 else int(outside[-1]) + 1
     plant, _ = models(case)
     turn = np.exp(1j * printed.RAD_PER_SAMPLE) * np.eye(plant.states)
     usual = np.abs(np.linalg.solve(turn - plant.A, plant.B[:, 0])) * unit / sqrt(2.0)
-    return Measured(
+    return RunMeasures(
         _rms(found - given.input) / unit,
         _rms(found - given.equivalent) / unit,
         max(_rms(made.states[:, i] - given.states[:, i]) / usual[i] for i in range(plant.states)),
@@ -239,7 +245,7 @@ def damping_history(made: History, believed: float) -> Array:
 
 
 def damping(made: History, case: Case) -> float:
-    """Return the median of (54) over the last 100 samples; nan but in example 3."""
+    """Return the median of (54) over the last 100 samples, N s/m; nan except in example 3."""
     if case.example != "3" or case.believed is None:
         return float("nan")
     return float(np.median(damping_history(made, case.believed)[-LAST:]))

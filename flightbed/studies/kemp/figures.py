@@ -1,4 +1,4 @@
-"""Figures 3.1 to 3.34, 4.1 to 4.4, 5.3 to 5.13 and 7.1, from one draw (seed 0)."""
+"""Figures 3.1 to 3.34, 4.1 to 4.4, 5.3 to 5.13 and 7.1 of the thesis, from one draw (seed 0)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 _COLORS = (drawing.ACTUAL, drawing.COMMAND, drawing.REFERENCE, drawing.OTHER, drawing.FAILURE, drawing.TRUTH)
-_SHOWN = 3.5  # parameters further than this times the largest are beyond the frame
+_SHOWN = 3.5  # estimates are clipped at this multiple of the largest parameter
 _RML_FIGURES = ((29, "A", 1), (30, "A", 2), (31, "C", 3), (32, "A", 5), (33, "A", 6), (34, "C", 7))
 
 
@@ -32,11 +32,11 @@ class Figure:
     """One figure of the thesis.
 
     Attributes:
-        number: his.
-        title: what it shows.
-        parameters: what was simulated, in words.
-        trials: the one run behind it.
-        draw: draws it, returns computed facts in words.
+        number: number in the thesis.
+        title: title without the number.
+        parameters: parameters of the run, as a sentence.
+        trials: the run to simulate.
+        draw: draws the result of the run and returns computed facts as sentences.
 
     """
 
@@ -48,13 +48,13 @@ class Figure:
 
 
 def history(seed: int, plant: str, r: float, q: float, samples: int, method: str) -> tuple[Array, Array]:
-    """Return estimates and truth at every sample, (samples, 2n) each."""
+    """Return estimated and true parameters at every sample, (samples, 2n) each."""
     record = plants.record(plant, r, q, samples, seed)
     return methods.estimates(methods.make(method, record.theta.shape[1] // 2, r, q), record), record.theta
 
 
 def figures() -> Part:
-    """Draw them all."""
+    """Draw all figures."""
     wanted = [*_fixed_plants(), *_changing(), *_adaptive()]
 
     def build(results: Results) -> Section:
@@ -70,9 +70,9 @@ def figures() -> Part:
         return Section(
             "Figures",
             [
-                "Every figure of chapters 3 to 5 and 7 that shows a simulation, from one draw (seed 0); those of the thesis are not "
-                "given. Thin horizontal lines are the true parameters. Two references of its text lead elsewhere than it means: 'Figure "
-                "3.7' for high process noise is 3.5, 'Figure 3.4' for the quickly attained bias 3.3.",
+                "Every figure of chapters 3 to 5 and 7 that shows a simulation, from one draw (seed 0); the thesis does not give its own "
+                "draws. Thin dashed lines are the true parameters. Two references in the text of the thesis are wrong: 'Figure 3.7' for "
+                "high process noise is Figure 3.5, and 'Figure 3.4' for the quickly attained bias is Figure 3.3.",
             ],
             pictures,
         )
@@ -101,7 +101,7 @@ def _fixed_plants() -> Iterator[Figure]:
 def _changing() -> Iterator[Figure]:
     for case, (r, q) in printed.E_CASES.items():
         plant = "E stepped" if case == 4 else "E"
-        noise = "as the thesis does not say" if case in (2, 3) else "no noise"
+        noise = "our choice of the variances, not given in the thesis" if case in (2, 3) else "no noise"
         yield Figure(
             f"4.{case}", f"tracking PLID, plant E, case {case}", f"Fade {printed.FADE:g}; r = {r:g}, q = {q:g}, {noise}.",
             Trials(history, (plant, r, q, printed.E_SAMPLES + 1, methods.BLOCK), 1), _draw_identified,
@@ -131,9 +131,9 @@ def _adaptive() -> Iterator[Figure]:
         yield Figure(f"5.{number + 1}", f"output under adaptive control, case {case}", what, adapted, draw_output)
         number += 2
         if case == 1:
-            for letter, name, words in (("", PLACED, "right for the first plant"), ("b", FIRST, "those of the start")):
+            for letter, name, words in (("", PLACED, "placed for the first plant"), ("b", FIRST, "of the start")):
                 yield Figure(
-                    f"5.5{letter}", "output with fixed gains, case 1", f"Gains {words}; the text allows both readings.",
+                    f"5.5{letter}", "output with fixed gains, case 1", f"Gains {words}; the text of the thesis allows both readings.",
                     Trials(control, (case, loops[name]), 1), draw_output,
                 )  # fmt: skip
             number += 1
@@ -179,4 +179,4 @@ def _draw_output(axes: Axes, run: Controlled, case: int) -> str:
         return f"Lost at sample {samples}."
     after = float(np.max(np.abs(run.output[change:])))
     end = "" if samples == F_SAMPLES else f" Lost at sample {samples}."
-    return f"Largest |y| {np.max(np.abs(run.output[:change])):.2f} before the first change, {after:.3g} after it.{end}"
+    return f"Largest |y| {np.max(np.abs(run.output[:change])):.2f} before the first change, {after:.3g} after the change.{end}"

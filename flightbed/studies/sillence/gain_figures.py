@@ -1,4 +1,4 @@
-"""Figures 23 to 47: estimates of K, and tracking with them."""
+"""Figures 23 to 47: estimates of K, and tracking with the law corrected by them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _window(scenario: dict[str, Any], *, bounded: bool = False) -> Scenario:
 
 
 def estimates() -> Iterator[Figure]:
-    """Figures 23-39: estimates of K while the law is fixed."""
+    """Figures 23 to 39: estimates of K with a fixed law."""
     for i, left in enumerate(printed.GAINS_LEFT):
         yield Figure(
             23 + i, f"K, expanding horizon, K_1 = {left:g}", noise_words("37.227", f"K_1 = {left:g}", "fixed proportional-integral law"),
@@ -39,7 +39,7 @@ def estimates() -> Iterator[Figure]:
     for number, title, rows, draw in (
         (28, "expanding horizon against moving window", 1, _against),
         (29, "the command and the moving window's estimate", 2, _with_command),
-        (30, "what smoothing costs in time", 1, _smoothings),
+        (30, "delay of the smoothed estimates", 1, _smoothings),
         (31, "raw and smoothed estimates of the moving window", 1, _smoothed),
         (34, "two sigma around the moving window's estimate", 1, _two_sigma),
     ):
@@ -79,7 +79,7 @@ def _entries(flown: Flown, *columns: tuple[str, str]) -> str:
 def _expanding(axes: list[Axes], flown: Sequence[Flown]) -> str:
     column = f"{EXPANDING}.effectiveness"
     plots.gain(axes[0], flown[0], [(column, "expanding horizon", drawing.ACTUAL)], band=_left(flown[0]))
-    return f"K-hat at the end {flown[0].columns[column][-1]:.4f}; " + _entries(flown[0], (column, "it is"))
+    return f"K-hat at the end {flown[0].columns[column][-1]:.4f}; " + _entries(flown[0], (column, "K-hat"))
 
 
 def _against(axes: list[Axes], flown: Sequence[Flown]) -> str:
@@ -101,7 +101,7 @@ def _with_command(axes: list[Axes], flown: Sequence[Flown]) -> str:
     return (
         f"RMS error {np.sqrt(np.mean(error[quiet] ** 2)):.3f} from 14.5 to 16 s, {np.sqrt(np.mean(error[busy] ** 2)):.3f} during the "
         f"doublets after the failure: {'worse' if np.mean(error[quiet] ** 2) > np.mean(error[busy] ** 2) else 'better'} where little is "
-        "commanded; the thesis has it worse."
+        "commanded; in the thesis it is worse."
     )
 
 
@@ -139,21 +139,21 @@ def _two_sigma(axes: list[Axes], flown: Sequence[Flown]) -> str:
     outside = np.abs(c[_RAW] - c["effectiveness_true"]) > 2.0 * std
     mixed = (c[TIME] >= printed.FAILED_AT_S) & (c[TIME] < printed.FAILED_AT_S + 0.3)
     return (
-        f"{np.mean(~outside[~mixed & (c[TIME] > 0.3)]):.1%} of the estimates lie within two sigma, windows that hold the failure left out "
-        f"({np.mean(~outside[mixed]):.0%} of those). Table 'coverage' says why no more."
+        f"{np.mean(~outside[~mixed & (c[TIME] > 0.3)]):.1%} of the estimates lie within two sigma, windows that contain the failure "
+        f"excluded ({np.mean(~outside[mixed]):.0%} of those). Table 'coverage' gives the reason."
     )
 
 
 def adaptive() -> Iterator[Figure]:
-    """Figures 40-47: the law corrected by 1/K-hat."""
+    """Figures 40 to 47: the law corrected by 1/K-hat."""
     for number, snr, bounded, remark in (
         (40, "23.29", False, ""), (41, "23.29", True, ""), (43, "37.227", True, ""), (45, "40", True, ""),
-        (46, "53.286", False, " Unbounded by its caption; S 5.6 counts it among the bounded."), (47, "60", True, ""),
+        (46, "53.286", False, " Unbounded according to its caption, bounded according to S 5.6."), (47, "60", True, ""),
     ):  # fmt: skip
         flown = [setup.adaptive(snr=snr, bounded=bounded, feedback=feedback) for feedback in ("effective", "position")]
         words = noise_words(
             snr, "K_1 = 0.2", "proportional-integral law, fed the window's alpha and q, corrected by its smoothed K-hat",
-            "position feedback behind the 1/K, and multiplied by it"
+            "position feedback behind the 1/K, and position feedback multiplied by 1/K"
         )  # fmt: skip
         yield Figure(
             number, f"tracking with adaptation at {snr} dB, {'bounded' if bounded else 'unbounded'}", words + remark,

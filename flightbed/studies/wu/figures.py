@@ -1,4 +1,4 @@
-"""Figures 2 to 8, in the paper's order (1 is a block diagram), each from one noise draw (seed 0)."""
+"""Figures 2 to 8 in the paper's order, each from one noise draw (seed 0); Figure 1 is a block diagram."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class Figure:
     """One figure.
 
     Attributes:
-        number: the paper's.
-        title: what it shows.
-        parameters: what was simulated, in words.
-        cases: by the name of the line.
-        rows: axes.
-        draw: draws on the axes, returns computed facts in words.
+        number: number in the paper.
+        title: title without the number.
+        parameters: parameters of the runs, as a sentence.
+        cases: cases to simulate, by the label of their line.
+        rows: number of axes, one above the other.
+        draw: draws on the axes and returns computed facts as a sentence.
 
     """
 
@@ -58,7 +58,7 @@ class Figure:
 
 
 def figures() -> Part:
-    """Draw them all."""
+    """Draw all figures."""
     wanted = list(_wanted())
     jobs = [Trials(simulate, (case,), 1, SEED) for figure in wanted for case in figure.cases.values()]
 
@@ -79,8 +79,8 @@ def figures() -> Part:
                 drawn = drawing.distinct(svg(), key)
             pictures.append(Picture(key, f"Figure {figure.number}: {figure.title}", drawn, figure.parameters, facts))
         text = (
-            f"Every figure of the paper that shows a computation, in its order, from one noise draw (seed {SEED}). Dotted lines are "
-            "changes of effectiveness. What the paper sets beside each other as (a), (b), (c) is one below the other here."
+            f"Every figure of the paper that shows a computation, in the paper's order, from one noise draw (seed {SEED}). Dotted lines "
+            "mark changes of effectiveness. The parts (a), (b), (c) that the paper places side by side stand one below the other."
         )
         return Section("Figures", [text], pictures)
 
@@ -148,8 +148,8 @@ def _estimates_and_test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequ
     before = run.t_s <= changes[0]
     return (
         f"{words} d of the elevon, variable factors: at most {np.max(run.statistic[before, 0]):.1f} before the change, "
-        f"{np.max(run.statistic[~before, 0]):.0f} after it; the dashed line is the paper's threshold. The inputs are those of the run with "
-        "variable factors."
+        f"{np.max(run.statistic[~before, 0]):.0f} after the change; the dashed line is the paper's threshold. The inputs are those of the "
+        "run with variable factors."
     )
 
 
