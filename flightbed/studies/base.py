@@ -69,7 +69,7 @@ class Study:
     parts: Callable[[int], Sequence[Part]]
 
 
-def keyed(jobs: Mapping[Key, Job | Trials], build: Callable[[Mapping[Key, list[Any]]], Section]) -> Part:
+def keyed_part(jobs: Mapping[Key, Job | Trials], build: Callable[[Mapping[Key, list[Any]]], Section]) -> Part:
     """Return a part whose ``build`` receives its results as a mapping with the keys of ``jobs``."""
     return Part(list(jobs.values()), lambda results: build(dict(zip(jobs, results, strict=True))))
 
@@ -78,21 +78,21 @@ def distinct_jobs(parts: Sequence[Part]) -> list[Job | Trials]:
     """Return the jobs of all parts without duplicates: a shared job has the largest ``runs``, a shared flight the union of the columns."""
     merged: dict[Hashable, Job | Trials] = {}
     for job in (job for part in parts for job in part.jobs):
-        had = merged.setdefault(_what(job), job)
-        runs = max(had.runs, job.runs)
-        if isinstance(job, Job) and isinstance(had, Job):
-            columns = tuple(dict.fromkeys((*had.columns, *job.columns)))
-            merged[_what(job)] = replace(had, runs=runs, columns=columns)
+        earlier = merged.setdefault(_job_key(job), job)
+        runs = max(earlier.runs, job.runs)
+        if isinstance(job, Job) and isinstance(earlier, Job):
+            columns = tuple(dict.fromkeys((*earlier.columns, *job.columns)))
+            merged[_job_key(job)] = replace(earlier, runs=runs, columns=columns)
         else:
-            merged[_what(job)] = replace(had, runs=runs)
+            merged[_job_key(job)] = replace(earlier, runs=runs)
     return list(merged.values())
 
 
-def _what(job: Job | Trials) -> Hashable:
+def _job_key(job: Job | Trials) -> Hashable:
     return job.scenario if isinstance(job, Job) else (job.simulate, job.arguments, job.first_seed)
 
 
-def _try(trials: Trials) -> list[Any]:
+def _run_chunk(trials: Trials) -> list[Any]:
     first = trials.first_seed
     return [trials.simulate(seed, *trials.arguments) for seed in range(first, first + trials.runs)]
 
@@ -113,7 +113,9 @@ def run_trials(
         for index, one in enumerate(trials)
         for start in range(0, one.runs, CHUNK)
     ]
-    parts = spread([chunk for _, chunk in chunks], _try, executor=executor, done=lambda chunk: progress(chunk.runs))
+    parts = spread(
+        [chunk for _, chunk in chunks], _run_chunk, executor=executor, done=lambda chunk: progress(chunk.runs)
+    )
     results: list[list[Any]] = [[] for _ in trials]
     for (index, _), part in zip(chunks, parts, strict=True):
         results[index] += part
@@ -137,7 +139,7 @@ def reproduce(
     jobs = distinct_jobs(parts)
     total = sum(job.runs for job in jobs)
 
-    def tell(flights: int) -> None:
+    def report_progress(flights: int) -> None:
         nonlocal done
         done += flights
         if progress is not None:
@@ -145,10 +147,16 @@ def reproduce(
 
     flights = [job for job in jobs if isinstance(job, Job)]
     trials = [job for job in jobs if isinstance(job, Trials)]
-    done_by = {_what(j): r for j, r in zip(flights, fly_jobs(flights, executor=executor, progress=tell), strict=True)}
-    tried = run_trials(trials, executor=executor, progress=tell)
-    results: dict[Hashable, list[Any]] = {**done_by, **{_what(j): r for j, r in zip(trials, tried, strict=True)}}
-    sections = [part.build([results[_what(job)][: job.runs] for job in part.jobs]) for part in parts]
+    flight_results = {
+        _job_key(j): r
+        for j, r in zip(flights, fly_jobs(flights, executor=executor, progress=report_progress), strict=True)
+    }
+    trial_results = run_trials(trials, executor=executor, progress=report_progress)
+    results: dict[Hashable, list[Any]] = {
+        **flight_results,
+        **{_job_key(j): r for j, r in zip(trials, trial_results, strict=True)},
+    }
+    sections = [part.build([results[_job_key(job)][: job.runs] for job in part.jobs]) for part in parts]
     facts = {
         "again": f"flightbed reproduce {study.name} --runs {runs}",
         "flights": total,

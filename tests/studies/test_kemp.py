@@ -17,7 +17,15 @@ from flightbed.studies.kemp import adaptive, identification, methods, plants, pr
 from flightbed.studies.kemp.identification import LONG, MARKS, SHOWN, TOLERATED, relative_bias
 from flightbed.studies.kemp.methods import PLID, RLS, RML
 from flightbed.studies.kemp.study import kemp
-from flightbed.studies.kemp.trials import F_SAMPLES, Identified, control, identify, plant_f, precise, track
+from flightbed.studies.kemp.trials import (
+    F_SAMPLES,
+    IdentificationRun,
+    compare_precision,
+    control,
+    identify,
+    plant_f,
+    track,
+)
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "kemp.toml").read_text())
 DRAWS = 100
@@ -70,7 +78,7 @@ def test_a_response_is_that_of_the_transfer_function() -> None:
         assert record.y == pytest.approx(wanted, rel=1e-9, abs=1e-9)
 
 
-def _runs(plant: str, case: int, method: str, draws: int = DRAWS) -> list[Identified]:
+def _runs(plant: str, case: int, method: str, draws: int = DRAWS) -> list[IdentificationRun]:
     return [identify(seed, plant, case, method, MARKS[plant]) for seed in range(draws)]
 
 
@@ -176,8 +184,8 @@ def test_arrival_is_when_the_errors_begin_to_stay_small(errors: list[float], exp
 
 
 def test_single_precision_loses_the_plain_form_only() -> None:
-    plain = [precise(seed, methods.SINGLE, *tracking.SMALL, 100) for seed in range(10)]
-    factored = [precise(seed, methods.UD_SINGLE, *tracking.SMALL, 100) for seed in range(10)]
+    plain = [compare_precision(seed, methods.SINGLE, *tracking.SMALL, 100) for seed in range(10)]
+    factored = [compare_precision(seed, methods.UD_SINGLE, *tracking.SMALL, 100) for seed in range(10)]
     assert all(run.lost is not None for run in plain)
     assert all(run.lost is None and run.difference < 1e-4 for run in factored)
 
@@ -200,7 +208,7 @@ def test_case_1_is_stable_through_both_changes_where_fixed_gains_diverge() -> No
 def test_in_noise_the_guarded_loop_is_regained_and_that_of_the_thesis_not_always(case: int) -> None:
     loops = adaptive.controllers(case)
     kept = {
-        name: share(sum(adaptive.regained(control(seed, case, loops[name])) for seed in range(DRAWS)), DRAWS)
+        name: share(sum(adaptive.is_regained(control(seed, case, loops[name])) for seed in range(DRAWS)), DRAWS)
         for name in (adaptive.ADAPTIVE, adaptive.GUARDED, adaptive.PLACED)
     }
     print(kept)
@@ -215,7 +223,7 @@ def test_gains_that_were_kept_are_what_loses_the_loop() -> None:
     lost = 0
     for seed in range(40):
         run = control(seed, 2, adaptive.controllers(2)[adaptive.ADAPTIVE])
-        if adaptive.lost_at(run, 2) == "start":
+        if adaptive.loss_phase(run, 2) == "start":
             lost += 1
             A, b = np.zeros((3, 3)), np.zeros(3)
             adaptive.augmented(plants.parameters("F"), A, b)
@@ -263,6 +271,6 @@ def test_claims_that_need_no_more_draws_are_judged(document: Document) -> None:
 def test_the_bias_is_that_of_the_parameter_that_has_the_largest() -> None:
     errors = np.zeros((20, 1, 6))
     errors[:, 0, 2] = 0.3 + 0.01 * np.random.default_rng(0).standard_normal(20)
-    found = identification.bias([Identified(e, 0, False, np.zeros(1)) for e in errors], 0)
+    found = identification.bias([IdentificationRun(e, 0, False, np.zeros(1)) for e in errors], 0)
     assert found.low < 0.3 < found.high
     assert found.high - found.low < 0.05

@@ -158,7 +158,7 @@ def test_measures_by_hand() -> None:
     first = run.t_s[np.argmax(after & (run.statistic[:, 0] > 5.0))] - printed.FAILED_AT_S
     assert measures.delay_s(found, 5.0, PERIOD_S) == pytest.approx(first, abs=1e-9)
     near = run.t_s[np.argmax(after & (np.max(np.abs(error), axis=1) < 0.2))] - printed.FAILED_AT_S
-    assert measures.within_s(found, 0.2, PERIOD_S) == pytest.approx(near, abs=1e-9)
+    assert measures.time_to_within_s(found, 0.2, PERIOD_S) == pytest.approx(near, abs=1e-9)
     assert measures.delay_s(found, 1e9, PERIOD_S) == np.inf
     whole = measures.run_measures(simulate(1, unstable(None)), unstable(None))
     assert np.isnan(whole.error)
@@ -167,7 +167,7 @@ def test_measures_by_hand() -> None:
 
 def test_the_law_of_the_test_in_an_open_loop_is_that_of_one_estimate_not_of_three() -> None:
     """300 runs without forgetting: the effective degrees keep their word, the print's three do not."""
-    runs = [measures.quiet(seed, aircraft(None, NONE, Law.OPEN)) for seed in range(300)]
+    runs = [measures.quiet_run(seed, aircraft(None, NONE, Law.OPEN)) for seed in range(300)]
     degrees = effective_degrees(measures.autocorrelation(runs), printed.WINDOW)
     assert 1.0 <= degrees < 1.1
     last = np.array([run.statistic[-1] for run in runs])
@@ -181,7 +181,7 @@ def test_the_law_of_the_test_in_an_open_loop_is_that_of_one_estimate_not_of_thre
 def test_the_mean_in_a_closed_loop_is_of_the_estimates_that_are_fed_back() -> None:
     """It goes with the loop open, and with the noise."""
     closed, opened = (
-        np.array([measures.quiet(seed, aircraft(None, VARIABLE, law)).last for seed in range(40)])
+        np.array([measures.quiet_run(seed, aircraft(None, VARIABLE, law)).last for seed in range(40)])
         for law in (Law.FIXED, Law.OPEN)
     )
     assert np.mean(closed) > 1.0
@@ -190,7 +190,7 @@ def test_the_mean_in_a_closed_loop_is_of_the_estimates_that_are_fed_back() -> No
 
 def test_a_calibrated_threshold_holds_on_fresh_runs() -> None:
     case = aircraft(None, CONSTANT)
-    first, fresh = (np.array([measures.quiet(s, case).largest for s in range(k, k + 100)]) for k in (0, 100))
+    first, fresh = (np.array([measures.quiet_run(s, case).largest for s in range(k, k + 100)]) for k in (0, 100))
     found = calibrated_threshold(first, 0.1)
     assert found.low < found.threshold < found.high
     assert 2 <= np.sum(fresh > found.threshold) <= 25  # 10 of 100, the threshold itself known from 100 runs
@@ -219,8 +219,8 @@ def test_the_parts_with_few_draws() -> None:
     law = _built(detection.law(2, 2))
     by_key = {item.key: item for item in law.items if isinstance(item, Table)}
     assert [len(by_key[k].rows) for k in ("law_of_test", "thresholds")] == [12, 9]
-    second = next(item for item in _built(tables.second(2)).items if isinstance(item, Table))
-    assert len(second.rows) == len(tables.LEFT_OVER) * len(tables.LAWS) + 1
+    example_2 = next(item for item in _built(tables.example_2(2)).items if isinstance(item, Table))
+    assert len(example_2.rows) == len(tables.LEFT_VALUES) * len(tables.LAWS) + 1
     accuracy = [item for item in _built(tables.accuracy(2)).items if isinstance(item, Table)]
     assert [len(table.rows) for table in accuracy] == [5, 15]
 

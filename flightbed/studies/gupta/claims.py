@@ -8,7 +8,7 @@ from typing import Any
 
 from flightbed.document import Claim, Section
 from flightbed.statistics import median_interval
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import printed
 from flightbed.studies.gupta.rivals import HARMONIC, rivals
 from flightbed.studies.gupta.tables import LARGE, SMALL
@@ -64,7 +64,7 @@ def claims(runs: int) -> Part:
             list(judge(results)),
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _below(key: str, text: str, measured: str, values: Sequence[float], limit: float = WITHIN) -> Claim:

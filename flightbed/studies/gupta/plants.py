@@ -78,19 +78,21 @@ def response(model: InputModel, rad_per_sample: float) -> complex:
     return complex((model.C @ np.linalg.solve(turn * np.eye(model.states) - model.A, model.B))[0, 0])
 
 
-def damping_limit(period_s: float, damping: float = printed.DAMPING, believed: float = printed.BELIEVED_3) -> float:
+def damping_limit(
+    period_s: float, damping: float = printed.DAMPING, model_damping: float = printed.MODEL_DAMPING_3
+) -> float:
     """Return the limit of the damping estimate (54), N s/m, after the decay of the oscillator's faster mode, with y^ = y exactly.
 
-    The estimator's model has held inputs, whereas the missing damping force acts continuously. With y = rho^k, rho = exp(s T) for the slower
-    mode s, the input is u^ = rho^k / G(rho), and the velocity is that of the model; for T -> 0 the limit is c.
+    The estimator's model has held inputs, whereas the missing damping force acts continuously. With y = rho^k, rho = exp(s T) for the
+    slower mode s, the input is u^ = rho^k / G(rho), and the velocity is that of the model; for T -> 0 the limit is c.
 
     Args:
         period_s: T_s, s.
         damping: true damping c, N s/m.
-        believed: damping of the estimator's model, N s/m.
+        model_damping: damping of the estimator's model, N s/m.
 
     """
     slow = float(np.max(np.roots([1.0, damping / printed.MASS_KG, printed.STIFFNESS / printed.MASS_KG]).real))
-    model = oscillator(believed, printed.STIFFNESS, period_s)
+    model = oscillator(model_damping, printed.STIFFNESS, period_s)
     state = np.linalg.solve(np.exp(slow * period_s) * np.eye(2) - model.A, model.B[:, 0])
-    return float(believed - 1.0 / state[1])
+    return float(model_damping - 1.0 / state[1])

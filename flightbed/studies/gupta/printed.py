@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 AMPLITUDE, RAD_PER_SAMPLE = 0.6, 0.2  # u(k) = 0.6 sin(0.2 k), all examples except the third
 MASS_KG, DAMPING, STIFFNESS = 1.0, 5.0, 2.0  # kg, N s/m, N/m
-BELIEVED_3, BELIEVED_4 = 3.0, (4.0, 10.0)  # initial damping of examples 3 and 4, N s/m
+MODEL_DAMPING_3, MODEL_DAMPING_4 = 3.0, (4.0, 10.0)  # initial damping of examples 3 and 4, N s/m
 K_OPT = (-2.0740, 11.7514, -119.0269)  # (73): gains on A_z (g), q (rad/s), fin (rad); fin rate in rad/s
 
 

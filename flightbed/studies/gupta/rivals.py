@@ -20,7 +20,7 @@ from flightbed.estimation.input_observer import (
     random_walk,
 )
 from flightbed.statistics import spread
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import printed
 from flightbed.studies.gupta.trials import (
     EXAMPLES,
@@ -123,4 +123,4 @@ def comparison(runs: int) -> Part:
             [table],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)

@@ -12,7 +12,7 @@ import numpy as np
 from flightbed.document import Section, Table
 from flightbed.estimation.input_model import invariant_zeros
 from flightbed.statistics import Interval, share, spread
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import plants, printed
 from flightbed.studies.gupta.trials import (
     EXAMPLES,
@@ -45,7 +45,7 @@ PERIODS = {"2 damped rigid body": (0.1, 0.2, 0.5, 1.0, 2.0), "5 missile": (0.05,
 DAMPING_PERIODS = (0.2, 0.1, 0.05, 0.02)
 
 
-def converged(runs: Sequence[RunMeasures], key: str = "error") -> Interval:
+def share_converged(runs: Sequence[RunMeasures], key: str = "error") -> Interval:
     """Return the share of the runs with an error ``key`` below 2 %, with its 95 % interval."""
     return share(sum(getattr(run, key) < WITHIN for run in runs), len(runs))
 
@@ -66,7 +66,7 @@ def glance(runs: int) -> Part:
         rows: list[list[Any]] = []
         for (name, forgetting), made in results.items():
             three = (name, forgetting) in dampings
-            good, found = _dampings(made) if three else (converged(made), _errors(made))
+            good, found = _dampings(made) if three else (share_converged(made), _errors(made))
             rows.append([name, forgetting, good, "" if three else found, found if three else ""])
         columns = ("example", "lambda", "share within 2 %", "error of input", "damping")
         table = Table(
@@ -94,7 +94,7 @@ def glance(runs: int) -> Part:
         return Section("At a glance", _GLANCE, [table, details])
 
     cases = {**inputs, **dampings}
-    return keyed({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)
+    return keyed_part({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)
 
 
 def _dampings(made: Sequence[RunMeasures]) -> tuple[Interval, Any]:
@@ -121,7 +121,7 @@ def regularization(runs: int) -> Part:
         rows = [
             [
                 words,
-                converged(made),
+                share_converged(made),
                 _errors(made),
                 _errors(made, "peak"),
                 share(sum(not np.isfinite(m.error) for m in made), len(made)),
@@ -143,7 +143,7 @@ def regularization(runs: int) -> Part:
             [table],
         )
 
-    return keyed({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)
+    return keyed_part({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)
 
 
 def damping(runs: int) -> Part:
@@ -181,7 +181,7 @@ def damping(runs: int) -> Part:
             [table],
         )
 
-    return keyed({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)
+    return keyed_part({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)
 
 
 def sensitivity(runs: int) -> Part:
@@ -215,7 +215,7 @@ def sensitivity(runs: int) -> Part:
                     period,
                     float(plant.markov(1)[0, 0, 0]),
                     zero,
-                    converged(made, "equivalent_error"),
+                    share_converged(made, "equivalent_error"),
                     _errors(made),
                 ]
             )
@@ -229,4 +229,4 @@ def sensitivity(runs: int) -> Part:
         return Section("Order and sample period", (), [one, two])
 
     cases: dict[Any, Case] = {**orders, **periods}
-    return keyed({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)
+    return keyed_part({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)

@@ -29,7 +29,7 @@ class Case:
 
     Attributes:
         example: "1" ... "5".
-        believed: damping in the estimator's model, N s/m; None for the true damping.
+        model_damping: damping in the estimator's model, N s/m; None for the true damping.
         period_s: T_s, s.
         samples: number of samples.
         order, initial_covariance, regularization, regularized_by, forgetting, saturation, delays, retained: as in RetrospectiveConfig.
@@ -44,7 +44,7 @@ class Case:
     order: int
     initial_covariance: float
     regularization: float = 0.0
-    believed: float | None = None
+    model_damping: float | None = None
     regularized_by: Literal["constant", "performance", "error"] = "constant"
     forgetting: float = 1.0
     saturation: float = inf
@@ -58,19 +58,19 @@ _CHOSEN_PERIOD_S = 0.2  # example 5
 _SAMPLES = {"1": 1000, "2": 1000, "3": 300, "4": 3000, "5": 1000}
 
 
-def as_printed(example: str, believed: float | None = None) -> Case:
+def as_printed(example: str, model_damping: float | None = None) -> Case:
     """Return an example with the printed settings, without forgetting.
 
     Args:
         example: "1" ... "5".
-        believed: damping of the estimator's model, N s/m, for example 4.
+        model_damping: damping of the estimator's model, N s/m, for example 4.
 
     """
     p = printed.SETTINGS[example]
     if example == "3":
-        believed = printed.BELIEVED_3
+        model_damping = printed.MODEL_DAMPING_3
     period_s = p.period_s or _CHOSEN_PERIOD_S
-    return Case(example, period_s, _SAMPLES[example], p.order, p.initial_covariance, p.regularization, believed)
+    return Case(example, period_s, _SAMPLES[example], p.order, p.initial_covariance, p.regularization, model_damping)
 
 
 def forgetful(case: Case) -> Case:
@@ -81,8 +81,8 @@ def forgetful(case: Case) -> Case:
 EXAMPLES = {
     "1 rigid body": as_printed("1"),
     "2 damped rigid body": as_printed("2"),
-    "4 oscillator, c_0 = 4": as_printed("4", printed.BELIEVED_4[0]),
-    "4 oscillator, c_0 = 10": as_printed("4", printed.BELIEVED_4[1]),
+    "4 oscillator, c_0 = 4": as_printed("4", printed.MODEL_DAMPING_4[0]),
+    "4 oscillator, c_0 = 10": as_printed("4", printed.MODEL_DAMPING_4[1]),
     "5 missile": as_printed("5"),
 }
 
@@ -93,8 +93,10 @@ def models(case: Case) -> tuple[InputModel, InputModel]:
         return plants.missile(case.period_s), plants.missile(case.period_s)
     damping = 0.0 if case.example == "1" else printed.DAMPING
     stiffness = printed.STIFFNESS if case.example in ("3", "4") else 0.0
-    believed = damping if case.believed is None else case.believed
-    return plants.oscillator(damping, stiffness, case.period_s), plants.oscillator(believed, stiffness, case.period_s)
+    model_damping = damping if case.model_damping is None else case.model_damping
+    return plants.oscillator(damping, stiffness, case.period_s), plants.oscillator(
+        model_damping, stiffness, case.period_s
+    )
 
 
 def initial_std(case: Case) -> Array:
@@ -107,7 +109,7 @@ class Signals(NamedTuple):
 
     Attributes:
         input: (N,) u; in example 3 the force (c_0 - c) q' of the damping error.
-        equivalent: (N,) steady-state input with which the estimator's model has the output that the plant has under u; in example 3 equal to
+        equivalent: (N,) steady-state input with which the estimator's model has the plant's output under u; in example 3 equal to
             ``input``, an approximation for short periods.
         states: (N, n).
         outputs: (N,) outputs with noise.
@@ -125,7 +127,7 @@ class Signals(NamedTuple):
 def signals(seed: int, case: Case) -> Signals:
     """Simulate the plant of a case from a random initial state, with a random phase of the input and the noise of the case."""
     rng = np.random.default_rng(seed)
-    plant, believed = models(case)
+    plant, model = models(case)
     x = rng.standard_normal(plant.states) * initial_std(case)
     phase = rng.uniform(0.0, 2.0 * pi)
     amplitude = 0.0 if case.example == "3" else printed.AMPLITUDE
@@ -138,10 +140,10 @@ def signals(seed: int, case: Case) -> Signals:
     std = case.noise_share * abs(gain) * amplitude / sqrt(2.0)
     outputs = states @ plant.C[0] + std * rng.standard_normal(case.samples)
     if case.example == "3":
-        assert case.believed is not None
-        missing = (case.believed - printed.DAMPING) * states[:, 1]
+        assert case.model_damping is not None
+        missing = (case.model_damping - printed.DAMPING) * states[:, 1]
         return Signals(missing, missing, states, outputs, std)
-    ratio = gain / plants.response(believed, printed.RAD_PER_SAMPLE)
+    ratio = gain / plants.response(model, printed.RAD_PER_SAMPLE)
     return Signals(u, amplitude * np.imag(ratio * np.exp(1j * angles)), states, outputs, std)
 
 
@@ -166,7 +168,7 @@ class History(NamedTuple):
 
 def history(seed: int, case: Case) -> History:
     """Reconstruct the input of one run."""
-    given, (_, believed) = signals(seed, case), models(case)
+    given, (_, model) = signals(seed, case), models(case)
     config = RetrospectiveConfig(
         case.order,
         case.initial_covariance,
@@ -178,8 +180,8 @@ def history(seed: int, case: Case) -> History:
         forgetting=case.forgetting,
         covariance_bound=COVARIANCE_BOUND if case.forgetting < 1.0 else inf,
     )
-    estimator, N = RetrospectiveCost(config, believed), case.samples
-    u, z, states = (np.full(shape, np.nan) for shape in ((N,), (N,), (N, believed.states)))
+    estimator, N = RetrospectiveCost(config, model), case.samples
+    u, z, states = (np.full(shape, np.nan) for shape in ((N,), (N,), (N, model.states)))
     gains = np.full((N, 2 * case.order), np.nan)
     for k in range(N):
         found = estimator.update(given.outputs[k])
@@ -238,14 +240,14 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values[-LAST:] ** 2)))
 
 
-def damping_history(made: History, believed: float) -> Array:
+def damping_history(made: History, model_damping: float) -> Array:
     """Return c^(k) = (c_0 q'^ - u^) / q'^ of (54), N s/m; nan where the velocity is zero."""
     velocity = np.where(made.states[:, 1] == 0.0, np.nan, made.states[:, 1])
-    return believed - made.input / velocity
+    return model_damping - made.input / velocity
 
 
 def damping(made: History, case: Case) -> float:
     """Return the median of (54) over the last 100 samples, N s/m; nan except in example 3."""
-    if case.example != "3" or case.believed is None:
+    if case.example != "3" or case.model_damping is None:
         return float("nan")
-    return float(np.median(damping_history(made, case.believed)[-LAST:]))
+    return float(np.median(damping_history(made, case.model_damping)[-LAST:]))

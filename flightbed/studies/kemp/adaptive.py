@@ -11,10 +11,10 @@ from flightbed.control import placement
 from flightbed.control.ackermann import augmented
 from flightbed.document import Claim, Section, Table
 from flightbed.statistics import share, spread
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.judging import above, below, computed, mostly
 from flightbed.studies.kemp import plants, printed
-from flightbed.studies.kemp.trials import F_SAMPLES, HALF_PERIOD, LOST, Controlled, Controller, control, reference
+from flightbed.studies.kemp.trials import F_SAMPLES, HALF_PERIOD, LOST, Controller, LoopRun, control, reference
 
 ADAPTIVE, PLACED, FIRST, GUARDED = "adaptive", "fixed, placed", "fixed, first", "adaptive, guarded"
 REGAINED = 10.0  # a loop is regained if |y| stays below this in the last 50 samples; the reference is 1
@@ -48,21 +48,21 @@ def controllers(case: int) -> dict[str, Controller]:
     }
 
 
-def regained(run: Controlled) -> bool:
+def is_regained(run: LoopRun) -> bool:
     """Return whether a loop is stable at the end of the run."""
     return len(run.output) == F_SAMPLES and bool(np.max(np.abs(run.output[-50:])) < REGAINED)
 
 
-def lost_at(run: Controlled, case: int) -> str | None:
+def loss_phase(run: LoopRun, case: int) -> str | None:
     """Return when a loop was lost: "start", "change" for after the first change, or None for a regained loop."""
-    if regained(run):
+    if is_regained(run):
         return None
     before = run.output[: printed.F_CHANGES[case][0]]
     calm = len(before) == printed.F_CHANGES[case][0] and np.max(np.abs(before[-20:])) < REGAINED
     return "change" if calm else "start"
 
 
-def back(run: Controlled, case: int) -> float:
+def return_time(run: LoopRun, case: int) -> float:
     """Return the samples from the first change until the output stays near the reference to the next change or the end, or infinity."""
     start, *later = printed.F_CHANGES[case]
     end = later[0] if later else F_SAMPLES
@@ -74,7 +74,7 @@ def back(run: Controlled, case: int) -> float:
     return float(away[-1] + 1) if away[-1] + 1 < end - start else float("inf")
 
 
-def known_at(run: Controlled) -> float:
+def identified_at(run: LoopRun) -> float:
     """Return the sample from which all parameter errors are below 1e-6 until the first change in case 1; infinite for never."""
     end = printed.F_CHANGES[1][0]
     away = np.flatnonzero(np.max(np.abs(run.estimates[:end] - plants.parameters("F")), axis=1) > 1e-6)
@@ -107,7 +107,7 @@ def adaptive(runs: int) -> Part:
             [*judge(results), _table(results)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def judge(results: Results) -> Iterator[Claim]:
@@ -116,20 +116,20 @@ def judge(results: Results) -> Iterator[Claim]:
     for case in (2, 3, 4, 5):
         yield mostly(
             f"stable_{case}", f"The adaptive law regains stability in noise, case {case}.", "share of the draws with a regained loop",
-            [regained(run) for run in results[case, ADAPTIVE]],
+            [is_regained(run) for run in results[case, ADAPTIVE]],
         )  # fmt: skip
     for case in (2, 3, 4, 5):
         yield mostly(
             f"guarded_{case}", f"The guarded law (our addition) regains stability in noise, case {case}.",
             "share of the draws with a regained loop",
-            [regained(run) for run in results[case, GUARDED]],
+            [is_regained(run) for run in results[case, GUARDED]],
         )  # fmt: skip
     for case in (2, 3):
         for name in (PLACED, FIRST):
             yield mostly(
                 f"{'placed' if name == PLACED else 'first'}_diverges_{case}",
                 f"Fixed gains ({'placed for the first plant' if name == PLACED else 'of the start'}) lose stability, case {case}.",
-                "share of the draws with a lost loop", [not regained(run) for run in results[case, name]],
+                "share of the draws with a lost loop", [not is_regained(run) for run in results[case, name]],
             )  # fmt: skip
     for plain, filtered in ((2, 4), (3, 5)):
         for name in (ADAPTIVE, GUARDED):
@@ -138,7 +138,7 @@ def judge(results: Results) -> Iterator[Claim]:
                 f"filtered_quicker_{filtered}_{'guarded' if name == GUARDED else 'plain'}",
                 f"The loop adapts sooner if the filtered output is integrated: case {filtered} against case {plain}, {name}.",
                 f"samples until |y - r| < {NEAR:g} after the change, filtered less measured, draws with both loops regained",
-                [_less(back(b, filtered), back(a, plain)) for a, b in pairs if regained(a) and regained(b)] or [0.0],
+                [_less(return_time(b, filtered), return_time(a, plain)) for a, b in pairs if is_regained(a) and is_regained(b)] or [0.0],
             )  # fmt: skip
     slow, fast = (float(np.linalg.norm(placed_gains(case)[:-1])) for case in (2, 1))
     yield computed(
@@ -146,7 +146,7 @@ def judge(results: Results) -> Iterator[Claim]:
         holds=slow < 0.5 * fast,
     )  # fmt: skip
     changed = zip(results[2, ADAPTIVE], results[3, ADAPTIVE], strict=True)
-    higher = [_higher(run, 2) for pair in changed for run in pair if regained(run)]
+    higher = [_higher(run, 2) for pair in changed for run in pair if is_regained(run)]
     yield above(
         "gains_higher_after", "After the change the gains are higher, cases 2 and 3.",
         "median norm of K in the last 50 samples over that in the 50 before the change, draws with a regained loop", higher or [1.0], 1.0,
@@ -157,7 +157,7 @@ def _less(a: float, b: float) -> float:
     return 0.0 if a == b else a - b
 
 
-def _higher(run: Controlled, case: int) -> float:
+def _higher(run: LoopRun, case: int) -> float:
     change = printed.F_CHANGES[case][0]
     norms = np.linalg.norm(run.gains[:, :-1], axis=1)
     return float(np.median(norms[-50:]) / np.median(norms[change - 50 : change]))
@@ -179,7 +179,7 @@ def _first_case(results: Results) -> Iterator[Claim]:
             "largest |y|",
             float(np.max(np.abs(fixed.output))), holds=bool(np.max(np.abs(fixed.output)) > DIVERGED),
         )  # fmt: skip
-    known = known_at(run)
+    known = identified_at(run)
     yield computed(
         "closed_loop_slower",
         f"Case 1: the excitation by the loop itself is poorer: identification takes longer than the deadbeat k = {DEADBEAT}.",
@@ -187,16 +187,16 @@ def _first_case(results: Results) -> Iterator[Claim]:
     )  # fmt: skip
 
 
-def _outcome(runs: Sequence[Controlled], case: int, name: str) -> list[Any]:
+def _outcome(runs: Sequence[LoopRun], case: int, name: str) -> list[Any]:
     change = printed.F_CHANGES[case][0]
-    kept = [run for run in runs if regained(run)]
-    lost = [lost_at(run, case) for run in runs]
+    kept = [run for run in runs if is_regained(run)]
+    lost = [loss_phase(run, case) for run in runs]
     tail = reference(F_SAMPLES)[-50:]
     return [
         case, name, share(len(kept), len(runs)), lost.count("start"), lost.count("change"),
         spread([float(np.max(np.abs(run.output[:change]))) for run in kept]) if kept else None,
         spread([float(np.max(np.abs(run.output[change:]))) for run in kept]) if kept else None,
-        spread([back(run, case) for run in kept]) if kept else None,
+        spread([return_time(run, case) for run in kept]) if kept else None,
         spread([float(np.sqrt(np.mean((run.output[-50:] - tail) ** 2))) for run in kept]) if kept else None,
     ]  # fmt: skip
 

@@ -15,7 +15,7 @@ from flightbed.studies.base import Part, Results, Trials
 from flightbed.studies.kemp import methods, plants, printed
 from flightbed.studies.kemp.adaptive import FIRST, PLACED, controllers
 from flightbed.studies.kemp.methods import PLID, RML
-from flightbed.studies.kemp.trials import F_SAMPLES, Controlled, control, plant_f, reference
+from flightbed.studies.kemp.trials import F_SAMPLES, LoopRun, control, plant_f, reference
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 _COLORS = (drawing.ACTUAL, drawing.COMMAND, drawing.REFERENCE, drawing.OTHER, drawing.FAILURE, drawing.TRUTH)
-_SHOWN = 3.5  # estimates are clipped at this multiple of the largest parameter
+_CLIP = 3.5  # estimates are clipped at this multiple of the largest parameter
 _RML_FIGURES = ((29, "A", 1), (30, "A", 2), (31, "C", 3), (32, "A", 5), (33, "A", 6), (34, "C", 7))
 
 
@@ -55,7 +55,7 @@ def history(seed: int, plant: str, r: float, q: float, samples: int, method: str
 
 def figures() -> Part:
     """Draw all figures."""
-    wanted = [*_fixed_plants(), *_changing(), *_adaptive()]
+    wanted = [*_identification_figures(), *_tracking_figures(), *_adaptive_figures()]
 
     def build(results: Results) -> Section:
         pictures = []
@@ -80,7 +80,7 @@ def figures() -> Part:
     return Part([figure.trials for figure in wanted], build)
 
 
-def _fixed_plants() -> Iterator[Figure]:
+def _identification_figures() -> Iterator[Figure]:
     number = 0
     for plant in "ABCD":
         for case, (r, q) in printed.NOISES.items():
@@ -88,31 +88,31 @@ def _fixed_plants() -> Iterator[Figure]:
             samples = 121 if plant == "B" else printed.SAMPLES + 1
             yield Figure(
                 f"3.{number}", f"PLID, plant {plant}, case {case}", f"{printed.NOISE_WORDS[case].capitalize()}: r = {r:g}, q = {q:g}.",
-                Trials(history, (plant, r, q, samples, PLID), 1), _draw_identified,
+                Trials(history, (plant, r, q, samples, PLID), 1), _draw_identification,
             )  # fmt: skip
     for number, plant, case in _RML_FIGURES:
         r, q = printed.NOISES[case]
         yield Figure(
             f"3.{number}", f"RML, plant {plant}, case {case}", f"{printed.NOISE_WORDS[case].capitalize()}: r = {r:g}, q = {q:g}.",
-            Trials(history, (plant, r, q, printed.SAMPLES + 1, RML), 1), _draw_identified,
+            Trials(history, (plant, r, q, printed.SAMPLES + 1, RML), 1), _draw_identification,
         )  # fmt: skip
 
 
-def _changing() -> Iterator[Figure]:
+def _tracking_figures() -> Iterator[Figure]:
     for case, (r, q) in printed.E_CASES.items():
         plant = "E stepped" if case == 4 else "E"
         noise = "our choice of the variances, not given in the thesis" if case in (2, 3) else "no noise"
         yield Figure(
             f"4.{case}", f"tracking PLID, plant E, case {case}", f"Fade {printed.FADE:g}; r = {r:g}, q = {q:g}, {noise}.",
-            Trials(history, (plant, r, q, printed.E_SAMPLES + 1, methods.BLOCK), 1), _draw_identified,
+            Trials(history, (plant, r, q, printed.E_SAMPLES + 1, methods.BLOCK), 1), _draw_identification,
         )  # fmt: skip
     yield Figure(
         "7.1", "U-D form, plant E", f"Fade {printed.FADE:g}; as Figure 4.4.",
-        Trials(history, ("E stepped", 0.0, 0.0, printed.E_SAMPLES + 1, methods.UD_BLOCK), 1), _draw_identified,
+        Trials(history, ("E stepped", 0.0, 0.0, printed.E_SAMPLES + 1, methods.UD_BLOCK), 1), _draw_identification,
     )  # fmt: skip
 
 
-def _adaptive() -> Iterator[Figure]:
+def _adaptive_figures() -> Iterator[Figure]:
     number = 3
     for case, (r, q, filtered) in printed.ADAPTIVE.items():
         loops, what = (
@@ -121,10 +121,10 @@ def _adaptive() -> Iterator[Figure]:
         )
         adapted = Trials(control, (case, loops["adaptive"]), 1)
 
-        def draw_parameters(axes: Axes, run: Controlled, case: int = case) -> str:
+        def draw_parameters(axes: Axes, run: LoopRun, case: int = case) -> str:
             return _draw_parameters(axes, run.estimates, plant_f(case)[: len(run.output)], "sample")
 
-        def draw_output(axes: Axes, run: Controlled, case: int = case) -> str:
+        def draw_output(axes: Axes, run: LoopRun, case: int = case) -> str:
             return _draw_output(axes, run, case)
 
         yield Figure(f"5.{number}", f"identified parameters, case {case}", what, adapted, draw_parameters)
@@ -146,7 +146,7 @@ def _names(count: int) -> list[str]:
 
 def _draw_parameters(axes: Axes, found: Array, truth: Array, unit: str) -> str:
     k = np.arange(len(found), dtype=np.float64)
-    limit = _SHOWN * float(np.max(np.abs(truth)))
+    limit = _CLIP * float(np.max(np.abs(truth)))
     for j, name in enumerate(_names(found.shape[1])):
         drawing.line(axes, k, np.clip(found[:, j], -limit, limit), color=_COLORS[j], label=name)
         axes.plot(k, truth[:, j], color=_COLORS[j], linewidth=0.6, linestyle="--")
@@ -155,7 +155,7 @@ def _draw_parameters(axes: Axes, found: Array, truth: Array, unit: str) -> str:
     return f"Largest error at the last {unit}: {error[-1]:.2g}."
 
 
-def _draw_identified(axes: Axes, result: tuple[Array, Array]) -> str:
+def _draw_identification(axes: Axes, result: tuple[Array, Array]) -> str:
     found, truth = result
     last = _draw_parameters(axes, found, truth, "sample")
     error = np.max(np.abs(found - truth), axis=1)
@@ -164,11 +164,11 @@ def _draw_identified(axes: Axes, result: tuple[Array, Array]) -> str:
     return f"Largest error of a parameter {', '.join(f'{error[k]:.2g} at {k}' for k in at)}. {last}"
 
 
-def _draw_output(axes: Axes, run: Controlled, case: int) -> str:
+def _draw_output(axes: Axes, run: LoopRun, case: int) -> str:
     samples = len(run.output)
     k, wanted = np.arange(samples, dtype=np.float64), reference(F_SAMPLES)[:samples]
-    shown = 10.0 * np.ones(samples)
-    drawing.line(axes, k, np.clip(run.output, -shown, shown), color=drawing.ACTUAL, label="y (frame at +-10)")
+    bound = 10.0 * np.ones(samples)
+    drawing.line(axes, k, np.clip(run.output, -bound, bound), color=drawing.ACTUAL, label="y (frame at +-10)")
     drawing.line(axes, k, wanted, color=drawing.REFERENCE, label="r")
     for at in printed.F_CHANGES[case]:
         if at < samples:

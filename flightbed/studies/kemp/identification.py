@@ -10,20 +10,20 @@ import numpy as np
 
 from flightbed.document import Claim, Section, Table
 from flightbed.statistics import Interval, median_interval, spread, student_interval
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.judging import above, below, between, beyond, computed, mostly
 from flightbed.studies.kemp import plants, printed
 from flightbed.studies.kemp.methods import PLID, RLS, RML, UD
-from flightbed.studies.kemp.trials import Identified, deadbeat, identify
+from flightbed.studies.kemp.trials import IdentificationRun, deadbeat, identify
 
-EARLY, SHOWN = 60, printed.SAMPLES
+EARLY, FIGURE_END = 60, printed.SAMPLES
 LONG, VERY_LONG = 5000, 20000
 STABLE, UNSTABLE = ("A", "C"), ("B", "D")
 MARKS = {
-    "A": (7, 8, EARLY, SHOWN, LONG),
+    "A": (7, 8, EARLY, FIGURE_END, LONG),
     "B": (7, 8, EARLY, printed.B_LOST, 120),
-    "C": (7, 8, EARLY, SHOWN, LONG),
-    "D": (7, 8, EARLY, SHOWN),
+    "C": (7, 8, EARLY, FIGURE_END, LONG),
+    "D": (7, 8, EARLY, FIGURE_END),
 }
 TOLERATED = 0.02  # a bias below this share of the largest parameter counts as zero
 # "Acceptable bounds" of a bias, as a share of the largest parameter; the thesis gives no number.
@@ -32,11 +32,11 @@ EXACT = 1e-3  # error below the resolution of a figure; with some inputs the pla
 BETTER = 0.05  # a method is more accurate if its error is lower by at least this share
 ORDERS, IDLE = (2, 3, 4, 5), (0, 6)
 
-Runs = Sequence[Identified]
+Runs = Sequence[IdentificationRun]
 Results = Mapping[Any, list[Any]]
 
 
-def _error(run: Identified, plant: str, mark: int) -> float:
+def _error(run: IdentificationRun, plant: str, mark: int) -> float:
     """Return the norm of the parameter errors at a mark."""
     return float(np.linalg.norm(run.errors[MARKS[plant].index(mark)]))
 
@@ -67,7 +67,7 @@ def identification(runs: int) -> Part:
     for plant, case in product(MARKS, printed.NOISES):
         for method in (PLID, UD, RML, RLS) if plant in STABLE else (PLID, UD):
             jobs[plant, case, method] = Trials(identify, (plant, case, method, MARKS[plant]), runs)
-    jobs["long"] = Trials(identify, ("A", 3, RML, (SHOWN, VERY_LONG)), runs)
+    jobs["long"] = Trials(identify, ("A", 3, RML, (FIGURE_END, VERY_LONG)), runs)
     jobs.update({(n, idle): Trials(deadbeat, (n, idle), runs) for n, idle in product(ORDERS, IDLE)})
 
     def build(results: Results) -> Section:
@@ -76,7 +76,7 @@ def identification(runs: int) -> Part:
             [
                 f"Plants A to D of order 3 from rest, white input of variance 1, {runs} draws of input and noises for each of the seven "
                 f"cases. All identifiers start from zeros with P = {printed.PRIOR_VAR:g} I and know the variances of the noises. The "
-                f"thesis shows one draw of each case to sample {SHOWN}; here the stable plants continue to sample {LONG}, to separate "
+                f"thesis shows one draw of each case to sample {FIGURE_END}; here the stable plants continue to sample {LONG}, to separate "
                 "bias from slow convergence. The bias is the mean error of the parameter with the largest mean error, as a share of the "
                 f"plant's largest parameter; up to {TOLERATED:.0%} counts as zero.",
                 "With r = 0 the filter is the exact conditional mean, because y in F is then known: a bias must vanish. The process "
@@ -87,7 +87,7 @@ def identification(runs: int) -> Part:
             [*judge(results), _table(results), _deadbeat_table(results)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def judge(results: Results) -> Iterator[Claim]:
@@ -130,11 +130,11 @@ def _biases(results: Results) -> Iterator[Claim]:
             f"... but within acceptable bounds, here {ACCEPTABLE:.0%} of the largest parameter, plant {plant}.",
             f"bias at sample {LONG}, over the largest parameter", got, -ACCEPTABLE, ACCEPTABLE,
         )  # fmt: skip
-        yield _paired(
+        yield _paired_claim(
             below, f"bias_grows_{plant}", f"The bias grows with the measurement noise: case 2 against case 3, plant {plant}.",
             "less in case 2", results, plant, LONG, (2, PLID), (3, PLID),
         )  # fmt: skip
-        yield _paired(
+        yield _paired_claim(
             below, f"mixed_no_more_{plant}",
             f"Additional process noise does not increase the bias: case 7 against case 3, plant {plant}.",
             "case 7 less case 3", results, plant, LONG, (7, PLID), (3, PLID),
@@ -192,7 +192,7 @@ def _unstable(results: Results) -> Iterator[Claim]:
         )  # fmt: skip
 
 
-def _paired(
+def _paired_claim(
     judge: Callable[..., Claim], key: str, text: str, words: str, results: Results, plant: str, mark: int,
     one: tuple[int, str], other: tuple[int, str], limit: float = 0.0,
 ) -> Claim:  # fmt: skip
@@ -202,11 +202,12 @@ def _paired(
 
 
 def _against_rml(results: Results) -> Iterator[Claim]:
-    yield _paired(
-        above, "rml_slow", "Without noise RML converges slowly, plant A.", "RML less PLID", results, "A", SHOWN, (1, RML), (1, PLID), 1e-3
+    yield _paired_claim(
+        above, "rml_slow", "Without noise RML converges slowly, plant A.", "RML less PLID", results, "A", FIGURE_END, (1, RML),
+        (1, PLID), 1e-3,
     )  # fmt: skip
     for plant, case in product(STABLE, (3, 5)):
-        yield _paired(
+        yield _paired_claim(
             above, f"rml_slower_{plant}_{case}", f"PLID converges faster than RML, plant {plant}, case {case}.", "RML less PLID",
             results, plant, EARLY, (case, RML), (case, PLID),
         )  # fmt: skip
@@ -216,7 +217,7 @@ def _against_rml(results: Results) -> Iterator[Claim]:
     )  # fmt: skip
     yield beyond(
         "rml_measurement_A", "RML appears biased in measurement noise, plant A, within the figure's 150 samples (Fig. 3.30).",
-        f"bias at sample {SHOWN}", relative_bias(results["A", 3, RML], "A", SHOWN), TOLERATED,
+        f"bias at sample {FIGURE_END}", relative_bias(results["A", 3, RML], "A", FIGURE_END), TOLERATED,
     )  # fmt: skip
     late = bias(results["long"], 1)
     largest = float(np.max(np.abs(plants.parameters("A"))))
@@ -226,18 +227,18 @@ def _against_rml(results: Results) -> Iterator[Claim]:
     )  # fmt: skip
     yield below(
         "rml_measurement_A_falls", "... or falls at least to half of its value at sample 150.",
-        f"|error| at sample {VERY_LONG} relative to sample {SHOWN}",
+        f"|error| at sample {VERY_LONG} relative to sample {FIGURE_END}",
         [float(np.linalg.norm(r.errors[1]) / np.linalg.norm(r.errors[0])) for r in results["long"]], 0.5,
     )  # fmt: skip
-    for mark in (SHOWN, LONG):
+    for mark in (FIGURE_END, LONG):
         yield beyond(
             f"rml_process_A_{mark}", "High process noise biases RML, plant A (Fig. 3.32).", f"bias at sample {mark}",
             relative_bias(results["A", 5, RML], "A", mark), TOLERATED,
         )  # fmt: skip
     yield below(
         "rml_process_A_stays", "... permanently: the error does not decrease further.",
-        f"relative decrease of the error from sample {SHOWN} to sample {LONG}",
-        [1.0 - _error(r, "A", LONG) / _error(r, "A", SHOWN) for r in results["A", 5, RML]], 0.1,
+        f"relative decrease of the error from sample {FIGURE_END} to sample {LONG}",
+        [1.0 - _error(r, "A", LONG) / _error(r, "A", FIGURE_END) for r in results["A", 5, RML]], 0.1,
     )  # fmt: skip
     for plant in STABLE:
         yield beyond(
@@ -248,12 +249,12 @@ def _against_rml(results: Results) -> Iterator[Claim]:
         yield above(
             f"plid_beats_rls_{plant}",
             f"In high process noise PLID is more accurate than least squares, by at least {BETTER:.0%}, plant {plant}.",
-            f"relative reduction of the error from least squares to PLID at sample {SHOWN}",
-            [1.0 - _error(a, plant, SHOWN) / _error(b, plant, SHOWN) for a, b in pairs], BETTER,
+            f"relative reduction of the error from least squares to PLID at sample {FIGURE_END}",
+            [1.0 - _error(a, plant, FIGURE_END) / _error(b, plant, FIGURE_END) for a, b in pairs], BETTER,
         )  # fmt: skip
-    yield _paired(
+    yield _paired_claim(
         below, "rml_mixed_A", "RML is more accurate with measurement noise beside the process noise: case 6 against case 5, plant A.",
-        "case 6 less case 5", results, "A", SHOWN, (6, RML), (5, RML),
+        "case 6 less case 5", results, "A", FIGURE_END, (6, RML), (5, RML),
     )  # fmt: skip
     for plant in STABLE:
         yield mostly(
@@ -267,19 +268,19 @@ def _against_rml(results: Results) -> Iterator[Claim]:
 def _table(results: Results) -> Table:
     rows: list[list[Any]] = []
     for plant, case in product(MARKS, printed.NOISES):
-        marks, compared = ((SHOWN, LONG), (PLID, UD, RML, RLS)) if plant in STABLE else ((EARLY,), (PLID, UD))
+        marks, compared = ((FIGURE_END, LONG), (PLID, UD, RML, RLS)) if plant in STABLE else ((EARLY,), (PLID, UD))
         for method in compared:
             runs = results[plant, case, method]
             cells: list[Any] = [plant, f"{case}: {printed.NOISE_WORDS[case]}", method]
             cells += [
                 median_interval([_error(r, plant, mark) for r in runs]) if mark in (EARLY, *marks) else None
-                for mark in (EARLY, SHOWN, LONG)
+                for mark in (EARLY, FIGURE_END, LONG)
             ]
             cells.append(relative_bias(runs, plant, marks[-1]))
             cells.append(spread([float(r.settled) for r in runs]) if plant in STABLE else None)
             rows.append(cells)
     columns = (
-        "plant", "case", "method", f"|error| at {EARLY}", f"at {SHOWN}", f"at {LONG}", "bias, last of these",
+        "plant", "case", "method", f"|error| at {EARLY}", f"at {FIGURE_END}", f"at {LONG}", "bias, last of these",
         "near its value at 150 from sample",
     )  # fmt: skip
     return Table(

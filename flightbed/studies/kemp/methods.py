@@ -21,7 +21,7 @@ Array = npt.NDArray[np.float64]
 PLID, UD, RML, RLS = "PLID", "U-D", "RML", "RLS"
 SINGLE, UD_SINGLE = "PLID, single precision", "U-D, single precision"
 BLOCK, UD_BLOCK, WHOLE, FADING_RML = "block fade", "U-D, block fade", "whole fade", "fading RML"
-PSEUDONOISE, RESET, SLEEPY = "pseudonoise", "reset every 20", "reset of a small gain"
+PSEUDONOISE, RESET, RESET_SMALL = "pseudonoise", "reset every 20", "reset of a small gain"
 # The thesis does not give the settings of the alternatives: forgetting factor of the fading RML; pseudonoise variance; reset period,
 # samples; norm of the gains below which the covariance is reset.
 FORGETTING = 0.98
@@ -68,7 +68,7 @@ _MAKE: MappingProxyType[str, Callable[[int, float, float], Identifier]] = Mappin
         WHOLE: partial(_plid, tracking=Tracking(whole_fade=printed.FADE)),
         PSEUDONOISE: partial(_plid, tracking=Tracking(pseudonoise_var=GAMMA)),
         RESET: partial(_plid, tracking=Tracking(reset_every=RESET_EVERY)),
-        SLEEPY: partial(_plid, tracking=Tracking(reset_below=RESET_BELOW)),
+        RESET_SMALL: partial(_plid, tracking=Tracking(reset_below=RESET_BELOW)),
         FADING_RML: partial(_rml, forgetting=FORGETTING),
     }
 )

@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from flightbed.document import Claim, Section, Table
 from flightbed.statistics import median_interval, spread
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.judging import above, below, between, mostly, rarely
 from flightbed.studies.kemp import methods, printed
 from flightbed.studies.kemp.methods import BLOCK, PLID, UD_BLOCK
-from flightbed.studies.kemp.trials import Precise, difference, precise, track
+from flightbed.studies.kemp.trials import PrecisionComparison, compare_precision, difference, track
 
 ERROR = 0.1  # the estimates have arrived when all errors are within this, about the resolution of a figure
 AROUND = 3.0  # tolerance of a claimed time, samples
@@ -23,13 +23,13 @@ CONDITIONED = 1e-8  # tolerance of the agreement of both forms with a well-condi
 SMALL, LARGE = (1e-6, 1e-4), (1e-2, 1e-2)  # r and q of the runs in single precision
 PRECISE_SAMPLES = 300
 COMPARED = (
-    PLID, BLOCK, methods.WHOLE, methods.PSEUDONOISE, methods.RESET, methods.SLEEPY, UD_BLOCK, methods.RML, methods.FADING_RML,
+    PLID, BLOCK, methods.WHOLE, methods.PSEUDONOISE, methods.RESET, methods.RESET_SMALL, UD_BLOCK, methods.RML, methods.FADING_RML,
 )  # fmt: skip
 RIVALS = {
     methods.WHOLE: "the fade of the whole matrix",
     methods.PSEUDONOISE: f"pseudonoise of variance {methods.GAMMA:g}",
     methods.RESET: f"resetting the covariance every {methods.RESET_EVERY} samples",
-    methods.SLEEPY: f"resetting the covariance when the norm of the parameters' gains falls below {methods.RESET_BELOW:g}",
+    methods.RESET_SMALL: f"resetting the covariance when the norm of the parameters' gains falls below {methods.RESET_BELOW:g}",
 }
 
 Vector = npt.NDArray[np.float64]
@@ -53,7 +53,7 @@ def tracking(runs: int) -> Part:
     for plant, case in product((STEPPED, DRIFTING), (1, 2, 3)):
         jobs["difference", plant, case] = Trials(difference, (plant, case), runs)
     for method, variances in product((methods.SINGLE, methods.UD_SINGLE, PLID), (SMALL, LARGE)):
-        jobs["precise", method, variances] = Trials(precise, (method, *variances, PRECISE_SAMPLES), runs)
+        jobs["precise", method, variances] = Trials(compare_precision, (method, *variances, PRECISE_SAMPLES), runs)
 
     def build(results: Results) -> Section:
         return Section(
@@ -70,7 +70,7 @@ def tracking(runs: int) -> Part:
             [*judge(results), _table(results), _precision_table(results)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _arrivals(runs: Sequence[Vector], start: int, end: int) -> list[float]:
@@ -150,9 +150,9 @@ def _factors(results: Results) -> Iterator[Claim]:
             f"share of the runs without a difference of a parameter above {limit:g} at any sample",
             [value < limit for value in results["difference", plant, case]],
         )  # fmt: skip
-    single: list[Precise] = results["precise", methods.SINGLE, SMALL]
-    factored: list[Precise] = results["precise", methods.UD_SINGLE, SMALL]
-    double: list[Precise] = results["precise", PLID, SMALL]
+    single: list[PrecisionComparison] = results["precise", methods.SINGLE, SMALL]
+    factored: list[PrecisionComparison] = results["precise", methods.UD_SINGLE, SMALL]
+    double: list[PrecisionComparison] = results["precise", PLID, SMALL]
     yield mostly(
         "single_plain_lost", f"In single precision the plain form loses positive definiteness (r, q = {SMALL}).",
         f"share of the runs in which an eigenvalue of P is negative within {PRECISE_SAMPLES} samples", [r.lost is not None for r in single],
@@ -201,7 +201,7 @@ def _table(results: Results) -> Table:
 def _precision_table(results: Results) -> Table:
     rows: list[list[Any]] = []
     for variances, method in product((SMALL, LARGE), (methods.SINGLE, methods.UD_SINGLE, PLID)):
-        runs: list[Precise] = results["precise", method, variances]
+        runs: list[PrecisionComparison] = results["precise", method, variances]
         rows.append(
             [
                 *variances, method, spread([None if r.lost is None else float(r.lost) for r in runs]),

@@ -20,7 +20,7 @@ ROUND_OFF = 1e-9  # errors below this are treated as equal
 SETTLED = 0.25  # an estimate has settled within this share of |theta| around its value at sample 150
 
 
-class Identified(NamedTuple):
+class IdentificationRun(NamedTuple):
     """One run of an identifier on a plant with constant parameters.
 
     Attributes:
@@ -37,7 +37,7 @@ class Identified(NamedTuple):
     largest_output: Array
 
 
-def identify(seed: int, plant: str, case: int, method: str, marks: tuple[int, ...]) -> Identified:
+def identify(seed: int, plant: str, case: int, method: str, marks: tuple[int, ...]) -> IdentificationRun:
     """Identify a plant in a noise case, from rest to the last mark.
 
     Args:
@@ -56,7 +56,7 @@ def identify(seed: int, plant: str, case: int, method: str, marks: tuple[int, ..
     away = np.linalg.norm(shown - shown[-1], axis=1) > SETTLED * np.linalg.norm(record.theta[0])
     settled = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
     at = list(marks)
-    return Identified(
+    return IdentificationRun(
         found[at] - record.theta[at], settled, bool(getattr(identifier, "projections", 0)), np.abs(record.y[at])
     )
 
@@ -167,7 +167,7 @@ def difference(seed: int, plant: str, case: int) -> float:
     return float(np.max(np.abs(plain - factored)))
 
 
-class Precise(NamedTuple):
+class PrecisionComparison(NamedTuple):
     """Comparison of a form of the filter with U-D in double precision.
 
     Attributes:
@@ -180,7 +180,7 @@ class Precise(NamedTuple):
     difference: float
 
 
-def precise(seed: int, method: str, r: float, q: float, samples: int) -> Precise:
+def compare_precision(seed: int, method: str, r: float, q: float, samples: int) -> PrecisionComparison:
     """Identify plant A in noises of variances r and q with a form of the filter and with U-D in double precision, and compare."""
     record = plants.record("A", r, q, samples + 1, seed)
     form, reference = (methods.make(name, 3, r, q) for name in (method, methods.UD))
@@ -192,7 +192,7 @@ def precise(seed: int, method: str, r: float, q: float, samples: int) -> Precise
         if lost is None and np.linalg.eigvalsh(form.covariance)[0] < 0.0:
             lost = k
         u_before = u
-    return Precise(lost, float(np.max(np.abs(form.parameters - reference.parameters))))
+    return PrecisionComparison(lost, float(np.max(np.abs(form.parameters - reference.parameters))))
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ class Controller:
     prior_var: float | tuple[float, ...] = printed.PRIOR_VAR
 
 
-class Controlled(NamedTuple):
+class LoopRun(NamedTuple):
     """History of one run of a closed loop over N samples; a lost loop ends at the loss.
 
     Attributes:
@@ -254,7 +254,7 @@ def plant_f(case: int) -> Array:
     return theta
 
 
-def control(seed: int, case: int, controller: Controller) -> Controlled:
+def control(seed: int, case: int, controller: Controller) -> LoopRun:
     """Simulate the closed loop around plant F, Kemp S 5.4.
 
     Args:
@@ -278,7 +278,7 @@ def control(seed: int, case: int, controller: Controller) -> Controlled:
         tracking=Tracking(controller.fade),
     )
     plid, x, u = Plid(config), np.zeros(2), 0.0
-    out = Controlled(*(np.zeros((F_SAMPLES, *shape)) for shape in ((), (), (4,), (3,))))
+    out = LoopRun(*(np.zeros((F_SAMPLES, *shape)) for shape in ((), (), (4,), (3,))))
     for k in range(F_SAMPLES):
         y = float(x[1] + v[k])
         plid.update(y, u)
@@ -290,5 +290,5 @@ def control(seed: int, case: int, controller: Controller) -> Controlled:
         out.output[k], out.input[k], out.estimates[k], out.gains[k] = x[1], u, plid.parameters, law.gains
         plants.advance(x, theta[k], u, w[k])
         if not abs(x[1]) < LOST:
-            return Controlled(*(column[: k + 1] for column in out))
+            return LoopRun(*(column[: k + 1] for column in out))
     return out

@@ -14,7 +14,7 @@ from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job, histories
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.statistics import outcome, spread
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import plots, printed
 from flightbed.studies.sillence.plots import BASIC, TIME
 from flightbed.studies.sillence.setup import EXPANDING, WINDOW, estimator, thesis
@@ -103,7 +103,7 @@ def experiment(runs: int) -> Part:
             [_tracking(flown), _estimates(flown), _picture(flown["Mach 0.8, +-5 deg/s, P", 0.2, "scheduled"][0])],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _tracking(flown: Mapping[tuple[str, float, str], list[Flown]]) -> Table:
@@ -192,7 +192,7 @@ def ensembles(runs: int) -> Part:
             pictures,
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _history(plant: str, name: str, flights: Sequence[Flown]) -> Picture:
@@ -218,11 +218,11 @@ def _history(plant: str, name: str, flights: Sequence[Flown]) -> Picture:
     aircraft = "linear short period, Mach 0.9" if plant == "linear" else "nonlinear F-16, Mach 0.8"
     return Picture(
         key, f"{len(flights)} flights of the {aircraft}", drawn,
-        f"K_1 = 0.2, corrected by the smoothed estimate of '{name}'; {_lost(flights)}.", "From 4.8 s on, " + "; ".join(words) + ".",
+        f"K_1 = 0.2, corrected by the smoothed estimate of '{name}'; {_departures(flights)}.", "From 4.8 s on, " + "; ".join(words) + ".",
     )  # fmt: skip
 
 
-def _lost(flights: Sequence[Flown]) -> str:
+def _departures(flights: Sequence[Flown]) -> str:
     gone = sum(f.metrics.departed for f in flights)
     return f"{gone or 'none'} of {len(flights)} departed"
 

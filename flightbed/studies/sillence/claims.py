@@ -12,7 +12,7 @@ from flightbed.document import Claim, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
 from flightbed.statistics import median_interval, spread
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.judging import above, below
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.measures import SETTLED_S, peak, rms_after, rms_before, share_within_two_sigma, tracking
@@ -52,7 +52,7 @@ def claims(runs: int) -> Part:
             [*judge(flown), _adaptation_table(flown), _coverage_table(flown["coverage"])],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def scenarios() -> dict[str, Scenario]:

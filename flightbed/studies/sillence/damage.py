@@ -10,7 +10,7 @@ from flightbed.document import Cell, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
 from flightbed.statistics import Spread, share, spread
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.aircraft import SCHEDULED, f16
 from flightbed.studies.sillence.setup import EXPANDING, WINDOW, estimator, thesis
@@ -65,11 +65,11 @@ def structural(runs: int) -> Part:
                 "C_m_alpha, which no K describes, and the trim moment, which the scheduled model takes for a change of K. A shift of 5 % "
                 "of the chord together with the loss of the elevator exceeds the capability of the law.",
             ],
-            [_simple("structural_linear", "Linear model, fixed law: the thesis's filters", flown, "linear", (WINDOW, EXPANDING)),
-             _adapted("structural_f16", "F-16, corrected by the scheduled filter", flown, "F-16")],
+            [_filter_table("structural_linear", "Linear model, fixed law: the thesis's filters", flown, "linear", (WINDOW, EXPANDING)),
+             _adaptive_table("structural_f16", "F-16, corrected by the scheduled filter", flown, "F-16")],
         )  # fmt: skip
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _structural(to: float, force: float) -> dict[str, Any]:
@@ -84,7 +84,7 @@ def disturbances(runs: int) -> Part:
     """Fly process noise on the linear model, turbulence and a gust on the aircraft."""
     jobs: dict[tuple[str, str], Job] = {}
     for alpha, q in _PROCESS:
-        jobs["linear", f"{alpha:g} deg/s, {q:g} deg/s^2"] = Job(_noisy(alpha, q), runs)
+        jobs["linear", f"{alpha:g} deg/s, {q:g} deg/s^2"] = Job(_process_noise(alpha, q), runs)
     for words, tables in _STORMS.items():
         jobs["F-16", words] = Job(f16(left=0.2, adapts=SCHEDULED, **tables), runs)
 
@@ -100,14 +100,14 @@ def disturbances(runs: int) -> Part:
                 "On the aircraft no filter is given the strength of the disturbance. The scheduled filter raises its process noise to "
                 "the level that its readings show, and holds its last estimate where a window contains little information.",
             ],
-            [_simple("process_noise", "Linear model, K_1 = 0.2, fixed law", flown, "linear", (WINDOW, MATCHED, EXPANDING)),
-             _adapted("storms", "F-16, K_1 = 0.2, corrected by the scheduled filter", flown, "F-16")],
+            [_filter_table("process_noise", "Linear model, K_1 = 0.2, fixed law", flown, "linear", (WINDOW, MATCHED, EXPANDING)),
+             _adaptive_table("storms", "F-16, K_1 = 0.2, corrected by the scheduled filter", flown, "F-16")],
         )  # fmt: skip
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
-def _noisy(alpha: float, q: float) -> Scenario:
+def _process_noise(alpha: float, q: float) -> Scenario:
     matched: dict[str, Any] = {
         "alpha_disturbance_deg_s": alpha,
         "q_disturbance_deg_s2": q,
@@ -119,7 +119,7 @@ def _noisy(alpha: float, q: float) -> Scenario:
     return thesis(left=0.2, law="proportional-integral", estimators=filters, process_noise=noise)
 
 
-def _figures(flights: Sequence[Flown], name: str) -> list[Spread]:
+def _error_cells(flights: Sequence[Flown], name: str) -> list[Spread]:
     metrics = [f.metrics.estimators[name] for f in flights]
     return [
         spread([getattr(m, key) for m in metrics])
@@ -127,11 +127,11 @@ def _figures(flights: Sequence[Flown], name: str) -> list[Spread]:
     ]
 
 
-def _simple(
+def _filter_table(
     key: str, title: str, flown: Mapping[tuple[str, str], list[Flown]], plant: str, names: Sequence[str]
 ) -> Table:
     rows: list[list[Cell]] = [
-        [words, name, *_figures(flights, name)]
+        [words, name, *_error_cells(flights, name)]
         for (which, words), flights in flown.items()
         if which == plant
         for name in names
@@ -140,13 +140,13 @@ def _simple(
     return Table(key, title, columns, rows, dict(zip(_SIMPLE, (".4f", ".2f", ".3g"), strict=True)), _note(flown))
 
 
-def _adapted(key: str, title: str, flown: Mapping[tuple[str, str], list[Flown]], plant: str) -> Table:
+def _adaptive_table(key: str, title: str, flown: Mapping[tuple[str, str], list[Flown]], plant: str) -> Table:
     rows: list[list[Cell]] = []
     for (which, words), flights in flown.items():
         if which == plant:
             thesis_window = spread([f.metrics.estimators[WINDOW].median_abs_error_post for f in flights])
             rows.append([
-                words, thesis_window, *_figures(flights, SCHEDULED), spread([f.metrics.tracking_rms_post_deg_s for f in flights]),
+                words, thesis_window, *_error_cells(flights, SCHEDULED), spread([f.metrics.tracking_rms_post_deg_s for f in flights]),
                 share(sum(f.metrics.departed for f in flights), len(flights)),
             ])  # fmt: skip
     columns = ("case", "median error, thesis's window", *_SIMPLE, "RMS of q - q_ref, deg/s", "departed")

@@ -49,7 +49,7 @@ def examples(runs: int) -> Part:
                 "S 4.4: the recursion over a record equals one regression for (x_0, K) to round-off, also with process noise if R~ is "
                 "the full covariance. The diagonal R~ of the thesis, eqs (76) and (77), is right without process noise only.",
             ],
-            [_sines(), _correlated(runs), _batch(flights[0][0])],
+            [_sine_table(), _regression_table(runs), _batch_table(flights[0][0])],
         )
 
     return Part([job], build)
@@ -114,7 +114,7 @@ def _steady(A: Array, b: Array, c: Array, omega_rad_s: float) -> complex:
     return phasor(omega_rad_s, t[settled], np.array(y)[settled])
 
 
-def _sines() -> Table:
+def _sine_table() -> Table:
     rows: list[list[Any]] = [[t.name, t.known, t.found, abs(t.found - t.known)] for t in sine_tests()]
     return Table(
         "sine_tests", "S 2.2: identification from sines", ("parameter", "known", "found", "difference"), rows,
@@ -143,7 +143,7 @@ def regressions(runs: int, seed: int = 0) -> tuple[Array, Array]:
     return plain, weighted
 
 
-def _correlated(runs: int) -> Table:
+def _regression_table(runs: int) -> Table:
     rows: list[list[Any]] = []
     for name, found in zip(("R = sigma^2 I", "R of the readings"), regressions(runs), strict=True):
         for column, (letter, known) in enumerate((("a", _A), ("b", _B))):
@@ -182,7 +182,7 @@ def both_forms(z: Array, u: Array, process: tuple[float, float]) -> tuple[float,
     return float(recursion.effectiveness[-1]), float(theta[2]), float(np.sqrt(recursion.P[-1][2, 2]))
 
 
-def _batch(flown: Flown) -> Table:
+def _batch_table(flown: Flown) -> Table:
     alpha, q, elevator = (flown.columns[c][: _BATCH + 1] * DEG for c in flown.columns)
     rows: list[list[Any]] = []
     for process in ((0.0, 0.0), (0.5 * DEG, 10.0 * DEG)):

@@ -15,7 +15,7 @@ from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
 from flightbed.statistics import spread
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence.aircraft import SCHEDULED, f16
 from flightbed.studies.sillence.plots import TIME
 from flightbed.studies.sillence.setup import estimator, thesis
@@ -80,7 +80,7 @@ def excitation(runs: int) -> Part:
             ],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def flight(plant: str, name: str, memory: str) -> Scenario:
@@ -128,15 +128,15 @@ def _table(plant: str, flown: Mapping[_Key, Sequence[Flown]]) -> Table:
     for name in INPUTS:
         expanding, window = flown[plant, name, EXPANDING], flown[plant, name, WINDOW]
         given = 0.0 if name == "none" else _energy_deg2_s(plant, "doublet")
-        spent = float(np.median([_elevator_energy(f) for f in expanding]))
+        elevator_energy = float(np.median([_elevator_energy(f) for f in expanding]))
         bound = float(np.median([f.columns["effectiveness_bound"][-1] for f in expanding]))
         errors = [final - 1.0 for f in expanding if (final := f.metrics.estimators[EXPANDING].final) is not None]
         sigma = float(np.median([f.columns[f"{EXPANDING}.effectiveness_std"][-1] for f in expanding]))
         rows.append([
-            name, amplitude(plant, name), spent,
+            name, amplitude(plant, name), elevator_energy,
             sigma,
             float(np.sqrt(np.mean(np.square(errors)))), bound, *(1e3 * x * given**0.5 if given else None for x in (sigma, bound)),
-            *(1e3 * x * spent**0.5 for x in (sigma, bound)),
+            *(1e3 * x * elevator_energy**0.5 for x in (sigma, bound)),
             spread([_median_late(f, f"{WINDOW}.effectiveness_std") for f in window]),
             spread([_median_late(f, "effectiveness_bound") for f in window]),
         ])  # fmt: skip

@@ -15,7 +15,7 @@ from flightbed.mission import run
 from flightbed.pacing import WallClock
 from flightbed.scenario import load_scenario
 from flightbed.statistics import share, spread
-from flightbed.studies.base import Flights, Part, keyed
+from flightbed.studies.base import Flights, Part, keyed_part
 from flightbed.studies.sillence import plots
 from flightbed.studies.sillence.plots import BASIC, TIME
 
@@ -35,13 +35,13 @@ _CASES: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
     }
 )
 _QUIET, _DITHERED = "no elevator at trim, no dither", "no elevator at trim, dither 0.5 deg/s"
-_HEARD = tuple(f"{n}.{c}" for n in (SCHEDULED, SHORT) for c in ("effectiveness", "effectiveness_smoothed"))
+_COLUMNS = tuple(f"{n}.{c}" for n in (SCHEDULED, SHORT) for c in ("effectiveness", "effectiveness_smoothed"))
 
 
 def level(runs: int) -> Part:
     """Fly straight and level with and without dither, at a trim with and a trim without elevator deflection."""
     jobs = {
-        case: Job(load_scenario(name, overrides), runs, (*BASIC, "nz_g", *_HEARD))
+        case: Job(load_scenario(name, overrides), runs, (*BASIC, "nz_g", *_COLUMNS))
         for case, (name, overrides) in _CASES.items()
     }
 
@@ -60,7 +60,7 @@ def level(runs: int) -> Part:
             [_table(flown), _picture(flown)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _table(flown: Mapping[str, list[Flown]]) -> Table:
@@ -70,7 +70,7 @@ def _table(flown: Mapping[str, list[Flown]]) -> Table:
             m = [f.metrics.estimators[name] for f in flights]
             rows.append([
                 case, word, spread([x.median_abs_error_post for x in m]), spread([x.first_within_20pct_smoothed_s for x in m]),
-                spread([x.std_pre for x in m]), spread([_felt(f) for f in flights]),
+                spread([x.std_pre for x in m]), spread([_load_factor_rms(f) for f in flights]),
                 share(sum(f.metrics.departed for f in flights), len(flights)),
             ])  # fmt: skip
     columns = (
@@ -90,7 +90,7 @@ def _table(flown: Mapping[str, list[Flown]]) -> Table:
     )  # fmt: skip
 
 
-def _felt(flown: Flown) -> float:
+def _load_factor_rms(flown: Flown) -> float:
     t, nz = flown.columns[TIME], flown.columns["nz_g"]
     return float(np.sqrt(np.mean((nz[(t > 0.3) & (t < 4.5 - 1e-9)] - 1.0) ** 2)))
 
@@ -125,7 +125,7 @@ def real_time(scenario: str = "elevator-loss", overrides: tuple[str, ...] = ()) 
 
     def build(_flights: Flights) -> Section:
         flown = run(load_scenario(scenario, overrides), pace=WallClock())
-        kept = flown.summary["realtime"]
+        timing = flown.summary["realtime"]
         return Section(
             "(f) Real time",
             [
@@ -133,23 +133,23 @@ def real_time(scenario: str = "elevator-loss", overrides: tuple[str, ...] = ()) 
                 f"{scenario} --realtime`. A tick is late if its work, recording included, is unfinished when the next tick is due; late "
                 "ticks are counted, and no tick is skipped. The figures are those of this computer at the time of this report.",
             ],
-            [_kept(scenario, kept), _slack(flown.trace["t_s"], flown.trace)],
+            [_timing_table(scenario, timing), _timing_picture(flown.trace["t_s"], flown.trace)],
         )
 
     return Part([], build)
 
 
-def _kept(scenario: str, kept: Mapping[str, Any]) -> Table:
+def _timing_table(scenario: str, timing: Mapping[str, Any]) -> Table:
     rows: list[list[Cell]] = [
-        ["ticks", float(kept["ticks"])], ["late ticks", float(kept["late_ticks"])], ["worst overrun, ms", kept["worst_overrun_ms"]],
-        *([f"{name} {p}, ms", kept[key][p]] for key, name in (("jitter_ms", "begins late,"), ("compute_ms", "computes,"))
-          for p in kept[key]),
-        ["achieved, Hz", kept["achieved_hz"]],
+        ["ticks", float(timing["ticks"])], ["late ticks", float(timing["late_ticks"])], ["worst overrun, ms", timing["worst_overrun_ms"]],
+        *([f"{name} {p}, ms", timing[key][p]] for key, name in (("jitter_ms", "begins late,"), ("compute_ms", "computes,"))
+          for p in timing[key]),
+        ["achieved, Hz", timing["achieved_hz"]],
     ]  # fmt: skip
     return Table("real_time", f"{scenario} in real time", ("quantity", "value"), rows, {"value": ".4g"})
 
 
-def _slack(t: Any, trace: Any) -> Picture:
+def _timing_picture(t: Any, trace: Any) -> Picture:
     with drawing.canvas(1, height=2.0) as ((axis,), svg):
         axis.plot(t, trace["compute_ms"], color=drawing.ACTUAL, linewidth=0.6, label="computing time")
         axis.plot(t, trace["release_late_ms"], color=drawing.COMMAND, linewidth=0.6, label="release delay")

@@ -54,8 +54,8 @@ def rms_before(flown: Flown) -> float:
 
 def rms_after(flown: Flown) -> float:
     """Return the RMS error of the window's raw K-hat from 0.3 s after the failure."""
-    return float(np.sqrt(np.mean(_error(flown)[_settled(flown)] ** 2)))
+    return float(np.sqrt(np.mean(_error(flown)[_settled_samples(flown)] ** 2)))
 
 
-def _settled(flown: Flown) -> Any:
+def _settled_samples(flown: Flown) -> Any:
     return flown.columns[TIME] >= SETTLED_S - 1e-9

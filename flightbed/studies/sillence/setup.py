@@ -16,7 +16,7 @@ from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.statistics import Interval, Vector
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import printed
 
 UNBOUNDED = (-1000.0, 1000.0)
@@ -170,7 +170,7 @@ def search() -> Part:
     def build(flown: Mapping[tuple[float, str, str, float], list[Flown]]) -> Section:
         return _section(sorted(_candidates(flown), key=lambda candidate: candidate.distance))
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _candidates(flown: Mapping[tuple[float, str, str, float], list[Flown]]) -> Iterator[Candidate]:

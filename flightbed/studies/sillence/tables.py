@@ -16,7 +16,7 @@ from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.metrics import snr_db
 from flightbed.settings import GainSettings, Scenario
 from flightbed.statistics import rank, spread
-from flightbed.studies.base import Flights, Part, keyed
+from flightbed.studies.base import Flights, Part, keyed_part
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.setup import (
     ENTRY_TOLERANCE_S,
@@ -150,7 +150,7 @@ def _rows(law: str, flown: Any, cells: Any) -> list[list[Any]]:
     return [[left, *cells(left, flown[law, left])] for left in printed.GAINS_LEFT]
 
 
-def _compared(values: Sequence[float | None], text: float) -> list[Any]:
+def _comparison(values: Sequence[float | None], text: float) -> list[Any]:
     return [text, values[0], spread(values), rank(values, text)]
 
 
@@ -164,7 +164,7 @@ def _table_4(law: str, flown: Any) -> Table:
         finals = _metric(flights, EXPANDING, "final")
         errors = [None if f is None else 100.0 * (f - left) / left for f in finals]
         return [
-            *_compared(finals, final), error, spread(errors), *_compared(_metric(flights, EXPANDING, "first_within_20pct_s"), settling)
+            *_comparison(finals, final), error, spread(errors), *_comparison(_metric(flights, EXPANDING, "first_within_20pct_s"), settling)
         ]  # fmt: skip
 
     return Table(
@@ -183,8 +183,8 @@ def _table_5(law: str, flown: Any) -> Table:
     def cells(left: float, flights: Sequence[Flown]) -> list[Any]:
         raw, smoothed = printed.TABLE_5[left]
         return [
-            *_compared(_metric(flights, WINDOW, "first_within_20pct_s"), raw),
-            *_compared(_metric(flights, WINDOW, "first_within_20pct_smoothed_s"), smoothed),
+            *_comparison(_metric(flights, WINDOW, "first_within_20pct_s"), raw),
+            *_comparison(_metric(flights, WINDOW, "first_within_20pct_smoothed_s"), smoothed),
             spread(_metric(flights, FAST, "first_within_20pct_smoothed_s")),
         ]
 
@@ -247,4 +247,4 @@ def glance(runs: int) -> Part:
         )  # fmt: skip
         return Section("At a glance", [], [table])
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)

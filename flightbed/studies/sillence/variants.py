@@ -10,7 +10,7 @@ from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
 from flightbed.statistics import spread
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence.plots import NOISES
 from flightbed.studies.sillence.setup import UNBOUNDED, WINDOW, adaptive, estimator, thesis
 
@@ -23,7 +23,7 @@ def grid(runs: int) -> Part:
     """Fly all combinations at K_1 = 0.2."""
     jobs: dict[Any, Job] = {}
     for law, snr in product(LAWS, NOISES):
-        jobs[law, snr] = Job(_fixed(law, snr), runs)  # all four filters share the flight
+        jobs[law, snr] = Job(_fixed_scenario(law, snr), runs)  # all four filters share the flight
         for bounded, smoothing in _FILTERS:
             scenario = adaptive(snr=snr, bounded=bounded, law=LAWS[law], smoothing=smoothing)
             jobs[law, snr, bounded, smoothing] = Job(scenario, runs)
@@ -59,14 +59,14 @@ def grid(runs: int) -> Part:
             [table],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _name(bounded: bool, smoothing: float) -> str:
     return f"{'bounded' if bounded else 'free'}-{smoothing * 10:.0f}"
 
 
-def _fixed(law: str, snr: str) -> Scenario:
+def _fixed_scenario(law: str, snr: str) -> Scenario:
     filters = [
         estimator(_name(bounded, smoothing), bounds=(0.0, 1.0) if bounded else UNBOUNDED, smoothing=smoothing)
         for bounded, smoothing in _FILTERS

@@ -12,7 +12,7 @@ import numpy as np
 from flightbed.document import Section, Table
 from flightbed.estimation.two_stage import ConstantForgetting, Forgetting, VariableForgetting
 from flightbed.statistics import median_interval
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed
 from flightbed.studies.wu.measures import SETTLED_S, RunMeasures, measure
 from flightbed.studies.wu.simulate import CONSTANT, EXTERNAL, FORGETTING, PERIOD_S, VARIABLE, Case, aircraft
@@ -77,7 +77,7 @@ def choices(runs: int) -> Part:
             [_table(found, runs)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _table(found: _Runs, runs: int) -> Table:
@@ -91,7 +91,9 @@ def _table(found: _Runs, runs: int) -> Table:
             )
             for which in FORGETTING
         }
-        orders = [_holds(found, name, worse, better) for worse, better in (*pairwise(FORGETTING), ("none", "variable"))]
+        orders = [
+            _order_counts(found, name, worse, better) for worse, better in (*pairwise(FORGETTING), ("none", "variable"))
+        ]
         rows.append([name, *medians.values(), *orders])
     columns = ("choice", *FORGETTING, "constant < none", "variable < constant", "variable < none")
     return Table(
@@ -112,7 +114,7 @@ def _median(found: _Runs, name: str, which: str) -> float:
     )
 
 
-def _holds(found: _Runs, name: str, worse: str, better: str) -> str:
+def _order_counts(found: _Runs, name: str, worse: str, better: str) -> str:
     less = more = 0
     for scenario in printed.SCENARIOS:
         pairs = zip(_runs(found, name, scenario, worse), _runs(found, name, scenario, better), strict=True)

@@ -11,18 +11,18 @@ import numpy as np
 from flightbed.document import Claim, Section
 from flightbed.estimation.bias_test import chi_square_threshold
 from flightbed.statistics import median_interval, share
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed
 from flightbed.studies.wu.measures import (
     EARLY_S,
     ON_RAMP_S,
     SETTLED_S,
-    Quiet,
+    QuietRun,
     Recovery,
     RunMeasures,
-    early,
+    early_statistic,
     measure,
-    quiet,
+    quiet_run,
     recovery,
 )
 from flightbed.studies.wu.simulate import FORGETTING, LEFT, NONE, PERIOD_S, VARIABLE, Case, Law, aircraft, unstable
@@ -63,7 +63,7 @@ def claims(runs: int, without_failure: int) -> Part:
             list(judge(found)),
         )
 
-    return keyed(trials(runs, without_failure), build)
+    return keyed_part(trials(runs, without_failure), build)
 
 
 def trials(runs: int, without_failure: int) -> dict[Any, Trials]:
@@ -72,8 +72,8 @@ def trials(runs: int, without_failure: int) -> dict[Any, Trials]:
     for law in ADAPTED:
         found["recovery", law] = Trials(recovery, (aircraft(1, law=law), ALPHA_THETA), runs)
     found["recovery", Law.FIXED] = Trials(recovery, (aircraft(1), ALPHA_THETA), runs)
-    found["quiet", Law.FIXED] = Trials(quiet, (aircraft(None),), without_failure)
-    found["quiet", Law.OPEN] = Trials(quiet, (aircraft(None, NONE, Law.OPEN),), without_failure)
+    found["quiet", Law.FIXED] = Trials(quiet_run, (aircraft(None),), without_failure)
+    found["quiet", Law.OPEN] = Trials(quiet_run, (aircraft(None, NONE, Law.OPEN),), without_failure)
     return found
 
 
@@ -152,7 +152,7 @@ def _test(found: _Found) -> Iterator[Claim]:
         yield from _law_of_test(found["quiet", law], law.value, words)
 
 
-def _law_of_test(runs: Sequence[Quiet], key: str, words: str) -> Iterator[Claim]:
+def _law_of_test(runs: Sequence[QuietRun], key: str, words: str) -> Iterator[Claim]:
     threshold = chi_square_threshold(printed.WINDOW, NOMINAL)
     rate = share(sum(bool(run.statistic[-1] > threshold) for run in runs), len(runs))
     inside = rate.low > NOMINAL / FACTOR and rate.high < NOMINAL * FACTOR
@@ -218,7 +218,7 @@ def _adaptation(found: _Found) -> Iterator[Claim]:
             f"more_indicative_{law.value}",
             f"d is more indicative of the change with an adaptive law ({words}), within {EARLY_S:g} s of the failure.",
             "logarithm of the largest d of the first input, adapted over fixed",
-            [float(np.log(early(b, PERIOD_S) / early(a, PERIOD_S))) for a, b in pairs],
+            [float(np.log(early_statistic(b, PERIOD_S) / early_statistic(a, PERIOD_S))) for a, b in pairs],
         )
         yield above(
             f"more_indicative_ever_{law.value}",

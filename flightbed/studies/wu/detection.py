@@ -15,9 +15,9 @@ from flightbed.estimation.bias_test import (
     effective_degrees,
 )
 from flightbed.statistics import median_interval, share, spread
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed
-from flightbed.studies.wu.measures import QUIET_S, Quiet, RunMeasures, autocorrelation, delay_s, measure, quiet
+from flightbed.studies.wu.measures import QUIET_S, QuietRun, RunMeasures, autocorrelation, delay_s, measure, quiet_run
 from flightbed.studies.wu.simulate import EXTERNAL, FORGETTING, PERIOD_S, Case, Law, aircraft, unstable
 
 NOMINAL = 0.05  # false alarm rate, per sample in the first table, per run in the second
@@ -35,9 +35,9 @@ def law(runs: int, fewer: int) -> Part:
     """
     jobs: dict[Any, Trials] = {}
     for key, case in quiet_cases().items():
-        jobs["first", key] = Trials(quiet, (case,), runs)
+        jobs["first", key] = Trials(quiet_run, (case,), runs)
         if key[0] != _LESS:
-            jobs["again", key] = Trials(quiet, (case,), runs, first_seed=runs)
+            jobs["again", key] = Trials(quiet_run, (case,), runs, first_seed=runs)
     for name, forgetting in FORGETTING.items():
         jobs["failed", name] = Trials(measure, (aircraft(1, forgetting),), fewer)
 
@@ -57,7 +57,7 @@ def law(runs: int, fewer: int) -> Part:
             [_law(found), _thresholds(found)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 _CLOSED, _OPEN, _LESS, _SECOND = (
@@ -79,7 +79,7 @@ def quiet_cases() -> dict[tuple[str, str], Case]:
     return dict(sorted(found.items(), key=lambda item: (_CLOSED, _LESS, _OPEN, _SECOND).index(item[0][0])))
 
 
-def _exceeded(runs: Sequence[Quiet], threshold: float) -> Any:
+def _share_above(runs: Sequence[QuietRun], threshold: float) -> Any:
     return share(sum(bool(run.statistic[-1] > threshold) for run in runs), len(runs))
 
 
@@ -87,7 +87,7 @@ def _law(found: _Runs) -> Table:
     rows: list[list[Any]] = []
     L = printed.WINDOW
     for loop, name in quiet_cases():
-        runs: list[Quiet] = found["first", (loop, name)]
+        runs: list[QuietRun] = found["first", (loop, name)]
         rho = autocorrelation(runs)
         degrees = effective_degrees(rho, L)
         late = [run.last for run in runs]
@@ -102,7 +102,7 @@ def _law(found: _Runs) -> Table:
                 float(np.std(late)),
                 float(rho[0]),
                 degrees,
-                *(cell for t in thresholds for cell in (_exceeded(runs, t), float(np.mean(everywhere > t)))),
+                *(cell for t in thresholds for cell in (_share_above(runs, t), float(np.mean(everywhere > t)))),
                 float(np.mean([run.nis for run in runs])),
                 len(runs),
             ]

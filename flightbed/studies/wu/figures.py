@@ -59,7 +59,7 @@ class Figure:
 
 def figures() -> Part:
     """Draw all figures."""
-    wanted = list(_wanted())
+    wanted = list(_figure_list())
     jobs = [Trials(simulate, (case,), 1, SEED) for figure in wanted for case in figure.cases.values()]
 
     def build(results: Results) -> Section:
@@ -87,36 +87,36 @@ def figures() -> Part:
     return Part(jobs, build)
 
 
-def _wanted() -> Iterator[Figure]:
+def _figure_list() -> Iterator[Figure]:
     external = f"Example 1, external input {EXTERNAL[0]:g}, {EXTERNAL[1]:g} rad, fixed law"
     for number, scenario in ((2, 1), (3, 5)):
         yield Figure(
             number, f"estimates of effectiveness{', d and inputs' if number == 2 else ''}, scenario {scenario}",
             f"{external}; without forgetting, with the constant and with the variable factors.",
             {name: aircraft(scenario, f) for name, f in FORGETTING.items()}, 4 if number == 2 else 2,
-            _estimates_and_test if number == 2 else _estimates,
+            _draw_estimates_and_test if number == 2 else _draw_estimates,
         )  # fmt: skip
     laws = {law.value: law for law in (Law.FIXED, Law.REDESIGNED, Law.OFFSET)}
     yield Figure(
         4, "alpha and theta with and without reconfiguration, scenario 1", f"{external.rpartition(',')[0]}; variable factors.",
-        {**{name: aircraft(1, law=law) for name, law in laws.items()}, _NO_FAILURE: aircraft(None)}, 2, _outputs,
+        {**{name: aircraft(1, law=law) for name, law in laws.items()}, _NO_FAILURE: aircraft(None)}, 2, _draw_outputs,
     )  # fmt: skip
     lost = f"Example 2, K of the first input {LEFT:g} from {printed.FAILED_AT_S:g} s on; variable factors"
     cases = {name: unstable(LEFT, VARIABLE, law) for name, law in laws.items()}
     fixed, adapted = {"fixed": cases["fixed"]}, {name: cases[name] for name in ("redesigned", "offset")}
-    yield Figure(5, "x1 and x3 without reconfiguration", f"{lost}.", fixed, 2, _regulated)
+    yield Figure(5, "x1 and x3 without reconfiguration", f"{lost}.", fixed, 2, _draw_states)
     yield Figure(
-        6, "x1 and x3 with reconfiguration", f"{lost}.", {**adapted, _NO_FAILURE: unstable(None)}, 2, _regulated
+        6, "x1 and x3 with reconfiguration", f"{lost}.", {**adapted, _NO_FAILURE: unstable(None)}, 2, _draw_states
     )
-    yield Figure(7, "d of the first input", f"{lost}.", cases, 1, _test)
-    yield Figure(8, "estimates of effectiveness", f"{lost}.", cases, 2, _estimates)
+    yield Figure(7, "d of the first input", f"{lost}.", cases, 1, _draw_test)
+    yield Figure(8, "estimates of effectiveness", f"{lost}.", cases, 2, _draw_estimates)
 
 
 def _color(name: str) -> str:
     return {**_FILTERS, **_LAWS, _NO_FAILURE: drawing.REFERENCE}[name]
 
 
-def _estimates(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
+def _draw_estimates(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
     errors = []
     for name, run in runs.items():
         for i, axis in enumerate(axes[:2]):
@@ -133,8 +133,8 @@ def _estimates(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[floa
     return f"RMS error of K-hat over both inputs from {SETTLED_S:g} s after the first change on: {', '.join(errors)}."
 
 
-def _estimates_and_test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
-    words = _estimates(axes, runs, changes)
+def _draw_estimates_and_test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
+    words = _draw_estimates(axes, runs, changes)
     for name, run in runs.items():
         drawing.line(axes[2], run.t_s, np.maximum(run.statistic[:, 0], 1e-3), color=_color(name))
     axes[2].axhline(printed.THRESHOLD, color=drawing.FAILURE, linestyle="--", linewidth=0.8)
@@ -153,7 +153,7 @@ def _estimates_and_test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequ
     )
 
 
-def _outputs(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
+def _draw_outputs(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
     words = []
     after = runs["fixed"].t_s > changes[0] + SETTLED_S
     for name, run in runs.items():
@@ -168,7 +168,7 @@ def _outputs(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]
     return f"RMS distance of alpha and theta from the run without failure, {span}, rad: {'; '.join(words)}."
 
 
-def _regulated(axes: list[Axes], runs: Mapping[str, Run], _changes: Sequence[float]) -> str:
+def _draw_states(axes: list[Axes], runs: Mapping[str, Run], _changes: Sequence[float]) -> str:
     words = []
     for name, run in runs.items():
         for axis, column in zip(axes, (0, 2), strict=True):
@@ -179,7 +179,7 @@ def _regulated(axes: list[Axes], runs: Mapping[str, Run], _changes: Sequence[flo
     return f"RMS of x1 and x3 over the last {LATE_S:g} s: {', '.join(words)}."
 
 
-def _test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
+def _draw_test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
     words = []
     for name, run in runs.items():
         drawing.line(axes[0], run.t_s, np.maximum(run.statistic[:, 0], 1e-3), color=_color(name), label=name)

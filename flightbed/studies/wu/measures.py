@@ -94,18 +94,18 @@ def delay_s(run: RunMeasures, threshold: float, period_s: float) -> float:
     return float((above[0] + 1) * period_s) if above.size else np.inf
 
 
-def within_s(run: RunMeasures, error: float, period_s: float) -> float:
+def time_to_within_s(run: RunMeasures, error: float, period_s: float) -> float:
     """Return the time, s, from the first change until both errors of K-hat are first below ``error``; infinite if never."""
     near = np.flatnonzero(run.worst[run.failed :] < error)
     return float((near[0] + 1) * period_s) if near.size else np.inf
 
 
-def early(run: RunMeasures, period_s: float) -> float:
+def early_statistic(run: RunMeasures, period_s: float) -> float:
     """Return the largest d of the first input within ``EARLY_S`` of the first change."""
     return float(np.max(run.statistic[run.failed : run.failed + round(EARLY_S / period_s)]))
 
 
-class Quiet(NamedTuple):
+class QuietRun(NamedTuple):
     """Statistics of the test in a run without failure: z = gamma-hat / sqrt(P_ii) of the first input, and d.
 
     Attributes:
@@ -125,17 +125,17 @@ class Quiet(NamedTuple):
     nis: float
 
 
-def quiet(seed: int, case: Case) -> Quiet:
+def quiet_run(seed: int, case: Case) -> QuietRun:
     """Simulate a case without its failure and return the statistics of the test."""
     run = simulate(seed, replace(case, changes=()))
     begin = round(QUIET_S / case.period_s)
     z = (run.estimate[begin:, 0] - 1.0) / run.deviation[begin:, 0]
     products = np.array([np.mean(z[: len(z) - j] * z[j:]) for j in range(case.window)])
     gamma, largest = float(run.estimate[-1, 0] - 1.0), float(np.max(run.statistic))
-    return Quiet(float(z[-1]), gamma, products, run.statistic[:, 0], largest, float(np.mean(run.nis)))
+    return QuietRun(float(z[-1]), gamma, products, run.statistic[:, 0], largest, float(np.mean(run.nis)))
 
 
-def autocorrelation(runs: Sequence[Quiet]) -> Array:
+def autocorrelation(runs: Sequence[QuietRun]) -> Array:
     """Return the autocorrelation rho(1), rho(2), ... of z over the runs, (lags - 1,), about zero as in d."""
     products = np.mean([run.products for run in runs], axis=0)
     return np.asarray(products[1:] / products[0], dtype=np.float64)

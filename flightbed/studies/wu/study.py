@@ -30,7 +30,7 @@ def parts(runs: int) -> Sequence[Part]:
     return [
         tables.accuracy(runs),
         claims(runs, QUIET * runs),
-        tables.second(runs),
+        tables.example_2(runs),
         tables.margins(runs),
         detection.law(QUIET * runs, runs),
         choices.choices(few),

@@ -12,12 +12,21 @@ from flightbed.control.lq import offset_weights, redesign, spectral_radius
 from flightbed.control.margin import stability_margin
 from flightbed.document import Section, Table
 from flightbed.statistics import spread
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed
-from flightbed.studies.wu.measures import EARLY_S, LATE_S, ON_RAMP_S, SETTLED_S, RunMeasures, early, measure, within_s
+from flightbed.studies.wu.measures import (
+    EARLY_S,
+    LATE_S,
+    ON_RAMP_S,
+    SETTLED_S,
+    RunMeasures,
+    early_statistic,
+    measure,
+    time_to_within_s,
+)
 from flightbed.studies.wu.simulate import FLOOR, FORGETTING, LEFT, PERIOD_S, VARIABLE, Law, aircraft, model, unstable
 
-LEFT_OVER = (0.0, 0.1, 0.2, 0.25, 0.3, 0.5)  # K of the first input of example 2 after the failure
+LEFT_VALUES = (0.0, 0.1, 0.2, 0.25, 0.3, 0.5)  # K of the first input of example 2 after the failure
 ADAPTED = (Law.REDESIGNED, Law.OFFSET)
 LAWS = (Law.FIXED, *ADAPTED)
 _Runs = Mapping[Any, list[Any]]
@@ -44,7 +53,7 @@ def accuracy(runs: int) -> Part:
             [_glance(found), _by_input(found)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _glance(found: _Runs) -> Table:
@@ -92,12 +101,12 @@ def _by_input(found: _Runs) -> Table:
     )  # fmt: skip
 
 
-def second(runs: int) -> Part:
+def example_2(runs: int) -> Part:
     """Simulate example 2 with all laws and several losses of the first input."""
     few = max(1, runs // 5)
     jobs: dict[Any, Trials] = {
         (left, law): Trials(measure, (unstable(left, VARIABLE, law),), runs if left == LEFT else few)
-        for left, law in product(LEFT_OVER, LAWS)
+        for left, law in product(LEFT_VALUES, LAWS)
     }
     jobs["healthy", Law.FIXED] = Trials(measure, (unstable(None),), runs)
 
@@ -114,13 +123,13 @@ def second(runs: int) -> Part:
                 "eqs (47)-(49) give a settled response. d is at most gamma^2 / alpha_min, because no reading has yet reduced the "
                 "variance that forgetting adds.",
             ],
-            [_second(found)],
+            [_example_2_table(found)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
-def _second(found: _Runs) -> Table:
+def _example_2_table(found: _Runs) -> Table:
     rows: list[list[Any]] = []
     for (left, law), each in found.items():
         K = 1.0 if left == "healthy" else float(left)
@@ -133,7 +142,7 @@ def _second(found: _Runs) -> Table:
                 closed_loop_radius(K, law),
                 spread([run.late for run in runs]),
                 spread([run.largest for run in runs]) if failed else None,
-                spread([early(run, PERIOD_S) for run in runs]) if failed else None,
+                spread([early_statistic(run, PERIOD_S) for run in runs]) if failed else None,
                 spread([float(np.max(run.statistic[run.failed :])) for run in runs]) if failed else None,
                 spread([run.error_settled for run in runs]) if failed else None,
                 len(runs),
@@ -190,7 +199,7 @@ def margins(runs: int) -> Part:
             [_margins(), _convergence(found)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _convergence(found: Mapping[Law, list[RunMeasures]]) -> Table:
@@ -204,7 +213,7 @@ def _convergence(found: Mapping[Law, list[RunMeasures]]) -> Table:
             [
                 law.value,
                 margin,
-                spread([within_s(run, margin, PERIOD_S) for run in runs]),
+                spread([time_to_within_s(run, margin, PERIOD_S) for run in runs]),
                 spread([float(np.mean(run.worst[run.failed + settled :] < margin)) for run in runs]),
             ]
         )
