@@ -14,7 +14,7 @@ from flightbed.page import render
 from flightbed.statistics import Interval, share
 from flightbed.studies.base import reproduce
 from flightbed.studies.kemp import adaptive, identification, methods, plants, printed, tracking
-from flightbed.studies.kemp.identification import LONG, MARKS, SHOWN, TOLERATED, relative_bias
+from flightbed.studies.kemp.identification import LONG, MARKS, FIGURE_END, TOLERATED, relative_bias
 from flightbed.studies.kemp.methods import PLID, RLS, RML
 from flightbed.studies.kemp.study import kemp
 from flightbed.studies.kemp.trials import (
@@ -99,8 +99,8 @@ def test_rml_is_unbiased_in_measurement_noise_and_slow_in_process_noise() -> Non
     """Not the other way round for good, as the thesis has it: in process noise C = 1 is the truth, and the error goes on falling."""
     assert _within(relative_bias(_runs("C", 3, RML), "C", LONG), TOLERATED)
     runs = _runs("A", 5, RML)
-    assert relative_bias(runs, "A", SHOWN).high < -TOLERATED
-    early, late = (np.median([np.linalg.norm(r.errors[MARKS["A"].index(m)]) for r in runs]) for m in (SHOWN, LONG))
+    assert relative_bias(runs, "A", FIGURE_END).high < -TOLERATED
+    early, late = (np.median([np.linalg.norm(r.errors[MARKS["A"].index(m)]) for r in runs]) for m in (FIGURE_END, LONG))
     assert late < 0.7 * early
     for plant in ("A", "C"):
         assert _within(relative_bias(_runs(plant, 5, RLS), plant, LONG), TOLERATED)
