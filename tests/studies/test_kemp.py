@@ -1,4 +1,4 @@
-"""Kemp's study: his plants, the biases by Monte Carlo and by theory, tracking, adaptive control, and the report."""
+"""Kemp (1987): the plants, biases by Monte Carlo and by theory, tracking, adaptive control, and the report."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flightbed.page import render
 from flightbed.statistics import Interval, share
 from flightbed.studies.base import reproduce
 from flightbed.studies.kemp import adaptive, identification, methods, plants, printed, tracking
-from flightbed.studies.kemp.identification import LONG, MARKS, FIGURE_END, TOLERATED, relative_bias
+from flightbed.studies.kemp.identification import FIGURE_END, LONG, MARKS, TOLERATED, relative_bias
 from flightbed.studies.kemp.methods import PLID, RLS, RML
 from flightbed.studies.kemp.study import kemp
 from flightbed.studies.kemp.trials import (
@@ -42,11 +42,13 @@ def _near(found: list[complex], wanted: list[list[float]]) -> bool:
 
 @pytest.mark.parametrize("plant", "ABCDF")
 def test_the_plants_are_those_of_the_print(plant: str) -> None:
-    """Poles and zeros beside the coefficients. Those printed for the zeros of C and D belong to other coefficients."""
+    """Printed poles and zeros against the coefficients; the printed zeros of C and D belong to other coefficients."""
     denominator, numerator = printed.TRANSFER_FUNCTIONS[plant]
     assert _near(_upper(np.roots(denominator)), GOLDEN["plants"][plant]["poles"])
     assert _near(_upper(np.roots(numerator)), GOLDEN["plants"][plant]["zeros"]) == (plant not in "CD")
-    assert np.any(np.abs(np.roots(numerator)) > 1.0) == (plant in "CDF")  # minimum phase or not is right for all
+    assert np.any(np.abs(np.roots(numerator)) > 1.0) == (
+        plant in "CDF"
+    )  # the print is right on minimum phase for all plants
     if plant == "A":
         assert plants.parameters("A") == pytest.approx([*GOLDEN["listing"]["a"], *GOLDEN["listing"]["b"]])
 
@@ -91,12 +93,12 @@ def test_plid_is_unbiased_in_process_noise_and_biased_in_measurement_noise(plant
     for case in (4, 5):
         assert _within(relative_bias(_runs(plant, case, PLID), plant, LONG), TOLERATED)
     moderate, low = (relative_bias(_runs(plant, case, PLID), plant, LONG) for case in (3, 2))
-    assert moderate.high < -TOLERATED  # all of the interval
-    assert moderate.high < low.low  # and the more noise the more
+    assert moderate.high < -TOLERATED  # the whole interval
+    assert moderate.high < low.low  # more noise, more bias
 
 
 def test_rml_is_unbiased_in_measurement_noise_and_slow_in_process_noise() -> None:
-    """Not the other way round for good, as the thesis has it: in process noise C = 1 is the truth, and the error goes on falling."""
+    """RML is not biased permanently, contrary to the thesis: in process noise C = 1 is the true model, and the error keeps falling."""
     assert _within(relative_bias(_runs("C", 3, RML), "C", LONG), TOLERATED)
     runs = _runs("A", 5, RML)
     assert relative_bias(runs, "A", FIGURE_END).high < -TOLERATED
@@ -107,7 +109,7 @@ def test_rml_is_unbiased_in_measurement_noise_and_slow_in_process_noise() -> Non
 
 
 def test_process_noise_reaches_the_output_as_white_noise() -> None:
-    """Which is why least squares is unbiased: what is left of y by the true parameters has the variance 3q and no correlation."""
+    """Least squares is unbiased because the residual of y with the true parameters is white, with variance 3q."""
     q, N = 0.1, 20000
     record = plants.record("A", 0.0, q, N, 0)
     theta = record.theta[0]
@@ -218,8 +220,8 @@ def test_in_noise_the_guarded_loop_is_regained_and_that_of_the_thesis_not_always
     assert kept[adaptive.PLACED].estimate == 0.0
 
 
-def test_gains_that_were_kept_are_what_loses_the_loop() -> None:
-    """Why: where it is lost at the start, it is with one set of gains, under which the plant, stable by itself, is unstable."""
+def test_constant_destabilizing_gains_lose_the_loop() -> None:
+    """Loops lost at the start have one constant set of gains that destabilizes the stable plant."""
     lost = 0
     for seed in range(40):
         run = control(seed, 2, adaptive.controllers(2)[adaptive.ADAPTIVE])

@@ -1,4 +1,4 @@
-"""A study of two small flights, for tests of what all studies share."""
+"""A study of two small flights, for tests of the code common to all studies."""
 
 from __future__ import annotations
 

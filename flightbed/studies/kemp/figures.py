@@ -115,7 +115,7 @@ def _tracking_figures() -> Iterator[Figure]:
 def _adaptive_figures() -> Iterator[Figure]:
     number = 3
     for case, (r, q, filtered) in printed.ADAPTIVE.items():
-        loops, what = (
+        loops, words = (
             controllers(case),
             f"r = {r:g}, q = {q:g}, poles at {printed.POLE[case]:g}{', filtered output' * filtered}.",
         )
@@ -127,13 +127,13 @@ def _adaptive_figures() -> Iterator[Figure]:
         def draw_output(axes: Axes, run: LoopRun, case: int = case) -> str:
             return _draw_output(axes, run, case)
 
-        yield Figure(f"5.{number}", f"identified parameters, case {case}", what, adapted, draw_parameters)
-        yield Figure(f"5.{number + 1}", f"output under adaptive control, case {case}", what, adapted, draw_output)
+        yield Figure(f"5.{number}", f"identified parameters, case {case}", words, adapted, draw_parameters)
+        yield Figure(f"5.{number + 1}", f"output under adaptive control, case {case}", words, adapted, draw_output)
         number += 2
         if case == 1:
-            for letter, name, words in (("", PLACED, "placed for the first plant"), ("b", FIRST, "of the start")):
+            for letter, name, gains in (("", PLACED, "placed for the first plant"), ("b", FIRST, "of the start")):
                 yield Figure(
-                    f"5.5{letter}", "output with fixed gains, case 1", f"Gains {words}; the text of the thesis allows both readings.",
+                    f"5.5{letter}", "output with fixed gains, case 1", f"Gains {gains}; the text of the thesis allows both readings.",
                     Trials(control, (case, loops[name]), 1), draw_output,
                 )  # fmt: skip
             number += 1

@@ -142,7 +142,7 @@ def real_time(scenario: str = "elevator-loss", overrides: tuple[str, ...] = ()) 
 def _timing_table(scenario: str, timing: Mapping[str, Any]) -> Table:
     rows: list[list[Cell]] = [
         ["ticks", float(timing["ticks"])], ["late ticks", float(timing["late_ticks"])], ["worst overrun, ms", timing["worst_overrun_ms"]],
-        *([f"{name} {p}, ms", timing[key][p]] for key, name in (("jitter_ms", "begins late,"), ("compute_ms", "computes,"))
+        *([f"{name} {p}, ms", timing[key][p]] for key, name in (("jitter_ms", "release delay,"), ("compute_ms", "computing time,"))
           for p in timing[key]),
         ["achieved, Hz", timing["achieved_hz"]],
     ]  # fmt: skip

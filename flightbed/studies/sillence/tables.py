@@ -214,10 +214,10 @@ def glance(runs: int) -> Part:
         rows: list[list[Any]] = []
         for table in (table_1(), *eigenvalue_tables()):
             same = sum(row[-1] == "yes" for row in table.rows)
-            what = f"Table {table.key[-1]}, {'SNR' if table.key == 'table_1' else 'eigenvalues'}"
+            label = f"Table {table.key[-1]}, {'SNR' if table.key == 'table_1' else 'eigenvalues'}"
             rows.append(
                 [
-                    what,
+                    label,
                     f"{len(table.rows)} numbers",
                     f"{same} with all digits",
                     None,
@@ -229,7 +229,7 @@ def glance(runs: int) -> Part:
             ("Table 5, raw", WINDOW, "first_within_20pct_s", ENTRY_TOLERANCE_S),
             ("Table 5, smoothed", WINDOW, "first_within_20pct_smoothed_s", ENTRY_TOLERANCE_S),
         )
-        for column, (what, name, metric, tolerance) in enumerate(kinds):
+        for column, (label, name, metric, tolerance) in enumerate(kinds):
             for left, flights in flown.items():
                 text = printed.TABLE_4[left][0] if column == 0 else printed.TABLE_5[left][column - 1]
                 values = _metric(flights, name, metric)
@@ -237,7 +237,7 @@ def glance(runs: int) -> Part:
                 spec, unit = (".4f", "") if column == 0 else (".2f", " s")
                 near = "yes" if abs(found.median - text) <= tolerance else "no"
                 rows.append(
-                    [f"{what}, K_1 = {left:g}", format(text, spec) + unit, show(found, spec), rank(values, text), near]
+                    [f"{label}, K_1 = {left:g}", format(text, spec) + unit, show(found, spec), rank(values, text), near]
                 )
         table = Table(
             "glance", "Printed and computed", ("number", "printed", "ours", "rank", "agrees"), rows, {"rank": ".2f"},
