@@ -1,1 +1,1 @@
-"""Published studies, recomputed: one a module or folder, each a function that returns a ``base.Study``."""
+"""Reproductions of published studies: one module or package each, with a function that returns a ``base.Study``."""

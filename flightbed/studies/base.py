@@ -1,4 +1,4 @@
-"""What a study is made of: parts, each the flights and trials that it needs and the section that it makes of them."""
+"""Structure and execution of a study: its parts, each with the flights or trials that it needs and the section built from them."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from flightbed.ensemble import CHUNK, Flown, Job, fly_jobs, spread
 
 Key = TypeVar("Key")
 Flights = list[list[Flown]]
-Results = list[list[Any]]  # of each job its flights, or what its trials returned
+Results = list[list[Any]]  # per job: its flights, or the return values of its trials
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
 class Trials:
-    """Runs of a simulation that is no flight of a scenario: ``simulate(seed, *arguments)`` with the seeds 0, 1, ...
+    """Monte Carlo runs of a simulation other than a scenario: ``simulate(seed, *arguments)`` with seeds 0, 1, ...
 
     Attributes:
-        simulate: a function that other processes can import; its result depends on its arguments alone.
-        arguments: after the seed.
-        runs: how often.
+        simulate: function that worker processes can import; its result depends on its arguments alone.
+        arguments: positional arguments after the seed.
+        runs: number of runs.
         first_seed: seed of the first run.
 
     """
@@ -39,11 +39,11 @@ class Trials:
 
 @dataclass(frozen=True)
 class Part:
-    """A section and the runs behind it.
+    """A section of the report, and the runs that it needs.
 
     Attributes:
-        jobs: what has to be flown or tried.
-        build: the results of each job, in order -> the section.
+        jobs: flights and trials to run.
+        build: maps the results, one list per job in the order of ``jobs``, to the section.
 
     """
 
@@ -56,10 +56,10 @@ class Study:
     """A published study.
 
     Attributes:
-        name: its name on the command line.
-        title: what it reproduces.
-        runs: flights of each case if nothing else is asked for.
-        parts: flights of each case -> its parts, in the order of the report.
+        name: name on the command line.
+        title: title of the report: the publication.
+        runs: default number of flights or trials per case.
+        parts: maps the number of runs per case to the parts, in the order of the report.
 
     """
 
@@ -69,30 +69,30 @@ class Study:
     parts: Callable[[int], Sequence[Part]]
 
 
-def keyed(jobs: Mapping[Key, Job | Trials], build: Callable[[Mapping[Key, list[Any]]], Section]) -> Part:
-    """Return a part whose results are found by the keys of its jobs."""
+def keyed_part(jobs: Mapping[Key, Job | Trials], build: Callable[[Mapping[Key, list[Any]]], Section]) -> Part:
+    """Return a part whose ``build`` receives its results as a mapping with the keys of ``jobs``."""
     return Part(list(jobs.values()), lambda results: build(dict(zip(jobs, results, strict=True))))
 
 
 def distinct_jobs(parts: Sequence[Part]) -> list[Job | Trials]:
-    """Return what all parts together have to run; what several of them need is run once, flights with all the columns."""
+    """Return the jobs of all parts without duplicates: a shared job has the largest ``runs``, a shared flight the union of the columns."""
     merged: dict[Hashable, Job | Trials] = {}
     for job in (job for part in parts for job in part.jobs):
-        had = merged.setdefault(_what(job), job)
-        runs = max(had.runs, job.runs)
-        if isinstance(job, Job) and isinstance(had, Job):
-            columns = tuple(dict.fromkeys((*had.columns, *job.columns)))
-            merged[_what(job)] = replace(had, runs=runs, columns=columns)
+        earlier = merged.setdefault(_job_key(job), job)
+        runs = max(earlier.runs, job.runs)
+        if isinstance(job, Job) and isinstance(earlier, Job):
+            columns = tuple(dict.fromkeys((*earlier.columns, *job.columns)))
+            merged[_job_key(job)] = replace(earlier, runs=runs, columns=columns)
         else:
-            merged[_what(job)] = replace(had, runs=runs)
+            merged[_job_key(job)] = replace(earlier, runs=runs)
     return list(merged.values())
 
 
-def _what(job: Job | Trials) -> Hashable:
+def _job_key(job: Job | Trials) -> Hashable:
     return job.scenario if isinstance(job, Job) else (job.simulate, job.arguments, job.first_seed)
 
 
-def _try(trials: Trials) -> list[Any]:
+def _run_chunk(trials: Trials) -> list[Any]:
     first = trials.first_seed
     return [trials.simulate(seed, *trials.arguments) for seed in range(first, first + trials.runs)]
 
@@ -100,13 +100,22 @@ def _try(trials: Trials) -> list[Any]:
 def run_trials(
     trials: Sequence[Trials], *, executor: Executor | None, progress: Callable[[int], None]
 ) -> list[list[Any]]:
-    """Run all trials; returns the results of each, in order of their seeds. As ``ensemble.fly_jobs`` otherwise."""
+    """Run all trials and return their results: one list per element of ``trials``, in the order of the seeds.
+
+    Args:
+        trials: simulations to run.
+        executor: as in ``ensemble.fly_jobs``; None runs them in this process.
+        progress: called with the number of runs just completed.
+
+    """
     chunks = [
         (index, replace(one, runs=min(CHUNK, one.runs - start), first_seed=one.first_seed + start))
         for index, one in enumerate(trials)
         for start in range(0, one.runs, CHUNK)
     ]
-    parts = spread([chunk for _, chunk in chunks], _try, executor=executor, done=lambda chunk: progress(chunk.runs))
+    parts = spread(
+        [chunk for _, chunk in chunks], _run_chunk, executor=executor, done=lambda chunk: progress(chunk.runs)
+    )
     results: list[list[Any]] = [[] for _ in trials]
     for (index, _), part in zip(chunks, parts, strict=True):
         results[index] += part
@@ -116,13 +125,13 @@ def run_trials(
 def reproduce(
     study: Study, runs: int, *, executor: Executor | None = None, progress: Progress | None = None
 ) -> Document:
-    """Run what all parts of a study need, together, and make its report.
+    """Run the jobs of all parts of a study, each distinct job once, and return the report.
 
     Args:
-        study: which.
-        runs: flights or trials of each case.
-        executor: where they are run; None runs them here and now.
-        progress: called with the numbers of runs that are done, and of all, whenever some are done.
+        study: the study.
+        runs: flights or trials per case.
+        executor: runs the jobs; None runs them in this process.
+        progress: called after each chunk of runs with the numbers of completed runs and of all runs.
 
     """
     began, done = time.perf_counter(), 0
@@ -130,7 +139,7 @@ def reproduce(
     jobs = distinct_jobs(parts)
     total = sum(job.runs for job in jobs)
 
-    def tell(flights: int) -> None:
+    def report_progress(flights: int) -> None:
         nonlocal done
         done += flights
         if progress is not None:
@@ -138,10 +147,16 @@ def reproduce(
 
     flights = [job for job in jobs if isinstance(job, Job)]
     trials = [job for job in jobs if isinstance(job, Trials)]
-    done_by = {_what(j): r for j, r in zip(flights, fly_jobs(flights, executor=executor, progress=tell), strict=True)}
-    tried = run_trials(trials, executor=executor, progress=tell)
-    results: dict[Hashable, list[Any]] = {**done_by, **{_what(j): r for j, r in zip(trials, tried, strict=True)}}
-    sections = [part.build([results[_what(job)][: job.runs] for job in part.jobs]) for part in parts]
+    flight_results = {
+        _job_key(j): r
+        for j, r in zip(flights, fly_jobs(flights, executor=executor, progress=report_progress), strict=True)
+    }
+    trial_results = run_trials(trials, executor=executor, progress=report_progress)
+    results: dict[Hashable, list[Any]] = {
+        **flight_results,
+        **{_job_key(j): r for j, r in zip(trials, trial_results, strict=True)},
+    }
+    sections = [part.build([results[_job_key(job)][: job.runs] for job in part.jobs]) for part in parts]
     facts = {
         "again": f"flightbed reproduce {study.name} --runs {runs}",
         "flights": total,
@@ -154,7 +169,7 @@ def reproduce(
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that the numbers of a study depend on."""
+    """Return the versions of flightbed, Python and the packages on which the results depend, by name."""
     return {
         "flightbed": version("flightbed"),
         "python": platform.python_version(),

@@ -1,4 +1,4 @@
-"""Flights that the tests of studies share: flown once, on all cores."""
+"""Flights shared by the tests of the studies: flown once, on all cores."""
 
 from __future__ import annotations
 

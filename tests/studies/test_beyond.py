@@ -1,4 +1,4 @@
-"""The thesis's future work: that each part flies what it says, and what its text rests on."""
+"""The thesis's future work: the cases of each part, and the facts stated in its text."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def test_the_study_has_every_letter_of_the_future_work_and_every_key_once() -> N
     assert max(job.runs for job in parts(100)[11].jobs) == 500
 
 
-def test_sines_find_what_is_known() -> None:
+def test_sine_tests_identify_known_parameters() -> None:
     tested = examples.sine_tests()
     assert len(tested) == 6
     for name, known, found in tested:
         assert found == pytest.approx(known, rel=1e-9), name
 
 
-def test_the_weight_of_the_readings_takes_bias_and_scatter() -> None:
+def test_weighting_by_the_noise_reduces_bias_and_scatter() -> None:
     plain, weighted = examples.regressions(200, seed=4)
     truth = np.array([0.9, 0.5])
     sigma_of_mean = weighted.std(axis=0) / np.sqrt(200)
@@ -75,7 +75,7 @@ def test_inputs_have_the_same_energy(plant: str, name: str) -> None:
 
 
 def test_inputs_table_against_its_flights() -> None:
-    """On the linear model the filter is honest and efficient: sigma is the bound; broad inputs are better in a window."""
+    """On the linear model the filter is consistent and efficient: sigma equals the bound; broadband inputs are better in a window."""
     part = inputs.excitation(2)
     linear = Part([job for job in part.jobs if job.scenario.aircraft.model == "sillence"], part.build)
     assert len(linear.jobs) == 14
@@ -83,7 +83,7 @@ def test_inputs_table_against_its_flights() -> None:
     table = _tables(part.build([*flights, *flights]))["inputs_linear"]
     rows = {row[0]: dict(zip(table.columns, row, strict=True)) for row in table.rows}
     for name, row in rows.items():
-        if name != "none":  # there the prior counts
+        if name != "none":  # without a command the prior matters
             assert row["sigma, all data"] == pytest.approx(row["bound, all data"], rel=0.02)
     assert rows["multisine"]["sigma, window"].median < 0.6 * rows["doublet"]["sigma, window"].median
     assert rows["step"]["bound, all data"] < rows["multisine"]["bound, all data"]
@@ -98,9 +98,9 @@ def test_damage_section() -> None:
     section = _built(damage.structural(1))
     table = _tables(section)["structural_f16"]
     error = "median error of K-hat"
-    for force in (100, 20, 0):  # turning b hardly touches the estimate of the moment
+    for force in (100, 20, 0):  # a rotation of b hardly changes the estimate of the moment
         assert _median(table, f"moment 20%, force {force}%", error) < 0.01
-    assert _median(table, "intact, c.g. 5 % aft", error) > 0.1  # what no K describes
+    assert _median(table, "intact, c.g. 5 % aft", error) > 0.1  # an effect that no K describes
     assert len(_tables(section)["structural_linear"].rows) == 12
 
 
@@ -108,7 +108,7 @@ def test_disturbances_section() -> None:
     tables = _tables(_built(damage.disturbances(2)))
     rows = {(r[0], r[1]): r for r in tables["process_noise"].rows}
     strong = "5 deg/s, 30 deg/s^2"
-    assert rows[strong, "window"][4].median > 50.0  # NEES of a filter that knows of no process noise
+    assert rows[strong, "window"][4].median > 50.0  # NEES of a filter without process noise
     assert 0.5 < rows[strong, damage.MATCHED][4].median < 2.0
     assert len(tables["storms"].rows) == 5
 
@@ -161,7 +161,7 @@ def test_level_section() -> None:
     error = table.columns.index("median error of K-hat")
     found = {(row[0], row[1]): row[error].median for row in table.rows}
     scheduled = "scheduled, absolute"
-    assert found["normal c.g., no dither", scheduled] < 0.01  # the lost trim moment tells of K
+    assert found["normal c.g., no dither", scheduled] < 0.01  # the lost trim moment shows K
     assert found["no elevator at trim, no dither", scheduled] > 0.1
     assert found["no elevator at trim, dither 0.5 deg/s", scheduled] < 0.05
 

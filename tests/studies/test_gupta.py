@@ -17,7 +17,7 @@ from flightbed.studies.gupta import plants, printed, trials
 from flightbed.studies.gupta.claims import cases, claims
 from flightbed.studies.gupta.rivals import FORGETTING, HARMONIC, OBSERVER, OFF, RETROSPECTIVE, WALK, rivals
 from flightbed.studies.gupta.study import gupta
-from flightbed.studies.gupta.trials import EXAMPLES, WITHIN, Measured, as_printed, forgetful, measured, models
+from flightbed.studies.gupta.trials import EXAMPLES, WITHIN, RunMeasures, as_printed, forgetful, measure, models
 
 RUNS = 20
 RIGID, DAMPED, NEAR, FAR, MISSILE = EXAMPLES
@@ -28,7 +28,7 @@ CONTRARY = {
 
 
 @pytest.fixture(scope="module")
-def judged() -> tuple[dict[str, Claim], dict[str, list[Measured]]]:
+def judged() -> tuple[dict[str, Claim], dict[str, list[RunMeasures]]]:
     """The claims of 20 initial states and phases, and the runs behind them."""
     part = claims(RUNS)
     with processes() as executor:
@@ -39,9 +39,9 @@ def judged() -> tuple[dict[str, Claim], dict[str, list[Measured]]]:
 
 @pytest.mark.parametrize("name", [RIGID, DAMPED, MISSILE])
 def test_the_input_is_reconstructed_from_every_initial_state(
-    judged: tuple[object, dict[str, list[Measured]]], name: str
+    judged: tuple[object, dict[str, list[RunMeasures]]], name: str
 ) -> None:
-    """Examples 1, 2 and 5 with the settings printed; example 1, unstable and with a zero at -1, by its constant regularization."""
+    """Examples 1, 2 and 5 with the printed settings; example 1, unstable with a zero at -1, with constant regularization."""
     made = judged[1][name]
     assert len(made) == RUNS
     assert max(m.error for m in made) < WITHIN
@@ -51,9 +51,9 @@ def test_the_input_is_reconstructed_from_every_initial_state(
 
 @pytest.mark.parametrize(("name", "damping"), [(NEAR, 4.0), (FAR, 10.0)])
 def test_example_4_reconstructs_the_equivalent_input(
-    judged: tuple[object, dict[str, list[Measured]]], name: str, damping: float
+    judged: tuple[object, dict[str, list[RunMeasures]]], name: str, damping: float
 ) -> None:
-    """With forgetting, to 2 % and far better; and so its error against u is |1 - G(plant)/G(model)|, here by python-control."""
+    """With forgetting, far better than 2 %; the error against u is |1 - G(plant)/G(model)|, here by python-control."""
     made = judged[1][f"{name}, forgetting"]
     assert max(m.equivalent_error for m in made) < 1e-3 * WITHIN
     period = EXAMPLES[name].period_s
@@ -64,11 +64,11 @@ def test_example_4_reconstructs_the_equivalent_input(
     expected = abs(1.0 - gains[0] / gains[1]) / sqrt(2.0)
     # 100 samples are 3.2 periods: their RMS is the amplitude over root 2 to within 5 % at any phase.
     np.testing.assert_allclose([m.error for m in made], expected, rtol=0.05)
-    # With the settings printed and lambda = 1 it is not there after 3000 samples, from none of the initial states.
+    # With the printed settings and lambda = 1 no run has converged after 3000 samples.
     assert min(m.equivalent_error for m in judged[1][name]) > 5.0 * WITHIN
 
 
-def test_example_3_finds_the_damping(judged: tuple[object, dict[str, list[Measured]]]) -> None:
+def test_example_3_finds_the_damping(judged: tuple[object, dict[str, list[RunMeasures]]]) -> None:
     made = judged[1]["damping, coarse"]
     assert len(made) == RUNS
     off = np.array([m.damping for m in made]) / printed.DAMPING - 1.0
@@ -78,11 +78,11 @@ def test_example_3_finds_the_damping(judged: tuple[object, dict[str, list[Measur
 
 
 def test_the_limit_of_the_damping_is_the_damping_for_short_periods() -> None:
-    """The held input's error is of first order in the period."""
+    """The error of the held input is of first order in the period."""
     off = [plants.damping_limit(T) - printed.DAMPING for T in (0.02, 0.01, 0.005)]
     assert off[1] / off[0] == pytest.approx(0.5, abs=0.01)
     assert off[2] / off[1] == pytest.approx(0.5, abs=0.01)
-    assert plants.damping_limit(0.1, damping=3.0) == pytest.approx(3.0, rel=1e-9)  # nothing is missing
+    assert plants.damping_limit(0.1, damping=3.0) == pytest.approx(3.0, rel=1e-9)  # no damping error
 
 
 def test_claims(judged: tuple[dict[str, Claim], object]) -> None:
@@ -104,7 +104,7 @@ def test_rigid_bodies_by_hand() -> None:
 
 
 def test_the_missile_under_its_autopilot() -> None:
-    """Stable, unit gain by (72), the wrong way first (a zero on the right), and minimum-phase once sampled at 0.2 s."""
+    """Stable, unit gain by (72), initial response of the wrong sign (a right half-plane zero), minimum-phase if sampled at 0.2 s."""
     loop = control.ss(*(np.atleast_2d(part) for part in (plants.missile_loop()[0], plants.missile_loop()[1][:, None], plants.missile_loop()[2])), 0.0)  # fmt: skip
     assert max(loop.poles().real) < -5.0
     assert float(control.dcgain(loop)) == pytest.approx(1.0)
@@ -143,7 +143,7 @@ def test_signals_are_those_of_their_seed_and_noise_is_added_to_them() -> None:
 
 def test_when_a_run_has_converged() -> None:
     case = as_printed("5")
-    made, found = trials.history(0, case), measured(0, case)
+    made, found = trials.history(0, case), measure(0, case)
     error = (made.input - made.signals.equivalent) / printed.AMPLITUDE
     inside = [np.sqrt(np.mean(error[i : i + 100] ** 2)) < WITHIN for i in range(len(error) - 99)]
     assert found.converged_at is not None
@@ -154,7 +154,7 @@ def test_when_a_run_has_converged() -> None:
 
 
 def test_rivals_on_the_same_signals() -> None:
-    """The observer has no zero to fear on the damped body; on the rigid one none exists; a known frequency is exact on both."""
+    """The observer is exact on the damped body and does not exist on the rigid body; a known frequency is exact on both."""
     damped, rigid = rivals(0, EXAMPLES[DAMPED]), rivals(0, EXAMPLES[RIGID])
     assert set(damped) == {RETROSPECTIVE, FORGETTING, WALK, HARMONIC, OFF, OBSERVER}
     assert rigid[OBSERVER] is None
@@ -164,8 +164,8 @@ def test_rivals_on_the_same_signals() -> None:
         assert found[HARMONIC] is not None
         assert found[WALK] is not None
         assert found[HARMONIC] < 1e-9 < WITHIN < found[WALK]
-    assert damped[RETROSPECTIVE] == measured(0, EXAMPLES[DAMPED]).error
-    assert damped[FORGETTING] == measured(0, forgetful(EXAMPLES[DAMPED])).error
+    assert damped[RETROSPECTIVE] == measure(0, EXAMPLES[DAMPED]).error
+    assert damped[FORGETTING] == measure(0, forgetful(EXAMPLES[DAMPED])).error
 
 
 def test_noise_costs_the_unregularized_inverse_more_than_a_filter() -> None:

@@ -1,4 +1,4 @@
-"""Claims are judged by where an interval lies."""
+"""Verdicts on claims from the position of an interval."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_shares() -> None:
     assert rarely("k", "t", "m", [True] * 100).holds is False
 
 
-def test_what_has_no_chance_in_it() -> None:
+def test_deterministic_values() -> None:
     claim = computed("k", "t", "m", 3.0, holds=False)
     assert (claim.holds, claim.interval) == (False, Interval(3.0, 3.0, 3.0, 1))
     assert np.isfinite(claim.interval.low)

@@ -1,4 +1,4 @@
-"""Kemp's study: his plants, the biases by Monte Carlo and by theory, tracking, adaptive control, and the report."""
+"""Kemp (1987): the plants, biases by Monte Carlo and by theory, tracking, adaptive control, and the report."""
 
 from __future__ import annotations
 
@@ -14,10 +14,18 @@ from flightbed.page import render
 from flightbed.statistics import Interval, share
 from flightbed.studies.base import reproduce
 from flightbed.studies.kemp import adaptive, identification, methods, plants, printed, tracking
-from flightbed.studies.kemp.identification import LONG, MARKS, SHOWN, TOLERATED, relative_bias
+from flightbed.studies.kemp.identification import FIGURE_END, LONG, MARKS, TOLERATED, relative_bias
 from flightbed.studies.kemp.methods import PLID, RLS, RML
 from flightbed.studies.kemp.study import kemp
-from flightbed.studies.kemp.trials import F_SAMPLES, Identified, control, identify, plant_f, precise, track
+from flightbed.studies.kemp.trials import (
+    F_SAMPLES,
+    IdentificationRun,
+    compare_precision,
+    control,
+    identify,
+    plant_f,
+    track,
+)
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "kemp.toml").read_text())
 DRAWS = 100
@@ -34,11 +42,13 @@ def _near(found: list[complex], wanted: list[list[float]]) -> bool:
 
 @pytest.mark.parametrize("plant", "ABCDF")
 def test_the_plants_are_those_of_the_print(plant: str) -> None:
-    """Poles and zeros beside the coefficients. Those printed for the zeros of C and D belong to other coefficients."""
+    """Printed poles and zeros against the coefficients; the printed zeros of C and D belong to other coefficients."""
     denominator, numerator = printed.TRANSFER_FUNCTIONS[plant]
     assert _near(_upper(np.roots(denominator)), GOLDEN["plants"][plant]["poles"])
     assert _near(_upper(np.roots(numerator)), GOLDEN["plants"][plant]["zeros"]) == (plant not in "CD")
-    assert np.any(np.abs(np.roots(numerator)) > 1.0) == (plant in "CDF")  # minimum phase or not is right for all
+    assert np.any(np.abs(np.roots(numerator)) > 1.0) == (
+        plant in "CDF"
+    )  # the print is right on minimum phase for all plants
     if plant == "A":
         assert plants.parameters("A") == pytest.approx([*GOLDEN["listing"]["a"], *GOLDEN["listing"]["b"]])
 
@@ -70,7 +80,7 @@ def test_a_response_is_that_of_the_transfer_function() -> None:
         assert record.y == pytest.approx(wanted, rel=1e-9, abs=1e-9)
 
 
-def _runs(plant: str, case: int, method: str, draws: int = DRAWS) -> list[Identified]:
+def _runs(plant: str, case: int, method: str, draws: int = DRAWS) -> list[IdentificationRun]:
     return [identify(seed, plant, case, method, MARKS[plant]) for seed in range(draws)]
 
 
@@ -83,23 +93,23 @@ def test_plid_is_unbiased_in_process_noise_and_biased_in_measurement_noise(plant
     for case in (4, 5):
         assert _within(relative_bias(_runs(plant, case, PLID), plant, LONG), TOLERATED)
     moderate, low = (relative_bias(_runs(plant, case, PLID), plant, LONG) for case in (3, 2))
-    assert moderate.high < -TOLERATED  # all of the interval
-    assert moderate.high < low.low  # and the more noise the more
+    assert moderate.high < -TOLERATED  # the whole interval
+    assert moderate.high < low.low  # more noise, more bias
 
 
 def test_rml_is_unbiased_in_measurement_noise_and_slow_in_process_noise() -> None:
-    """Not the other way round for good, as the thesis has it: in process noise C = 1 is the truth, and the error goes on falling."""
+    """RML is not biased permanently, contrary to the thesis: in process noise C = 1 is the true model, and the error keeps falling."""
     assert _within(relative_bias(_runs("C", 3, RML), "C", LONG), TOLERATED)
     runs = _runs("A", 5, RML)
-    assert relative_bias(runs, "A", SHOWN).high < -TOLERATED
-    early, late = (np.median([np.linalg.norm(r.errors[MARKS["A"].index(m)]) for r in runs]) for m in (SHOWN, LONG))
+    assert relative_bias(runs, "A", FIGURE_END).high < -TOLERATED
+    early, late = (np.median([np.linalg.norm(r.errors[MARKS["A"].index(m)]) for r in runs]) for m in (FIGURE_END, LONG))
     assert late < 0.7 * early
     for plant in ("A", "C"):
         assert _within(relative_bias(_runs(plant, 5, RLS), plant, LONG), TOLERATED)
 
 
 def test_process_noise_reaches_the_output_as_white_noise() -> None:
-    """Which is why least squares is unbiased: what is left of y by the true parameters has the variance 3q and no correlation."""
+    """Least squares is unbiased because the residual of y with the true parameters is white, with variance 3q."""
     q, N = 0.1, 20000
     record = plants.record("A", 0.0, q, N, 0)
     theta = record.theta[0]
@@ -176,8 +186,8 @@ def test_arrival_is_when_the_errors_begin_to_stay_small(errors: list[float], exp
 
 
 def test_single_precision_loses_the_plain_form_only() -> None:
-    plain = [precise(seed, methods.SINGLE, *tracking.SMALL, 100) for seed in range(10)]
-    factored = [precise(seed, methods.UD_SINGLE, *tracking.SMALL, 100) for seed in range(10)]
+    plain = [compare_precision(seed, methods.SINGLE, *tracking.SMALL, 100) for seed in range(10)]
+    factored = [compare_precision(seed, methods.UD_SINGLE, *tracking.SMALL, 100) for seed in range(10)]
     assert all(run.lost is not None for run in plain)
     assert all(run.lost is None and run.difference < 1e-4 for run in factored)
 
@@ -200,7 +210,7 @@ def test_case_1_is_stable_through_both_changes_where_fixed_gains_diverge() -> No
 def test_in_noise_the_guarded_loop_is_regained_and_that_of_the_thesis_not_always(case: int) -> None:
     loops = adaptive.controllers(case)
     kept = {
-        name: share(sum(adaptive.regained(control(seed, case, loops[name])) for seed in range(DRAWS)), DRAWS)
+        name: share(sum(adaptive.is_regained(control(seed, case, loops[name])) for seed in range(DRAWS)), DRAWS)
         for name in (adaptive.ADAPTIVE, adaptive.GUARDED, adaptive.PLACED)
     }
     print(kept)
@@ -210,12 +220,12 @@ def test_in_noise_the_guarded_loop_is_regained_and_that_of_the_thesis_not_always
     assert kept[adaptive.PLACED].estimate == 0.0
 
 
-def test_gains_that_were_kept_are_what_loses_the_loop() -> None:
-    """Why: where it is lost at the start, it is with one set of gains, under which the plant, stable by itself, is unstable."""
+def test_constant_destabilizing_gains_lose_the_loop() -> None:
+    """Loops lost at the start have one constant set of gains that destabilizes the stable plant."""
     lost = 0
     for seed in range(40):
         run = control(seed, 2, adaptive.controllers(2)[adaptive.ADAPTIVE])
-        if adaptive.lost_at(run, 2) == "start":
+        if adaptive.loss_phase(run, 2) == "start":
             lost += 1
             A, b = np.zeros((3, 3)), np.zeros(3)
             adaptive.augmented(plants.parameters("F"), A, b)
@@ -263,6 +273,6 @@ def test_claims_that_need_no_more_draws_are_judged(document: Document) -> None:
 def test_the_bias_is_that_of_the_parameter_that_has_the_largest() -> None:
     errors = np.zeros((20, 1, 6))
     errors[:, 0, 2] = 0.3 + 0.01 * np.random.default_rng(0).standard_normal(20)
-    found = identification.bias([Identified(e, 0, False, np.zeros(1)) for e in errors], 0)
+    found = identification.bias([IdentificationRun(e, 0, False, np.zeros(1)) for e in errors], 0)
     assert found.low < 0.3 < found.high
     assert found.high - found.low < 0.05

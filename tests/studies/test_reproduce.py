@@ -1,4 +1,4 @@
-"""`flightbed reproduce` and what all studies share: flights flown once, whole folders, the same numbers on any number of workers."""
+"""`flightbed reproduce` and the code common to all studies: shared flights, atomic folders, results independent of the workers."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ def test_flights_that_parts_share_are_flown_once_with_all_columns() -> None:
     jobs = distinct_jobs(parts)
     assert [job.runs for job in jobs] == [5, 5]
     assert all(job.columns == ("t_s",) for job in jobs)
-    told: list[tuple[int, int]] = []
-    document = reproduce(tiny(), 3, progress=lambda done, total: told.append((done, total)))
+    reports: list[tuple[int, int]] = []
+    document = reproduce(tiny(), 3, progress=lambda done, total: reports.append((done, total)))
     assert document.facts["flights"] == 10
-    assert told[-1] == (10, 10)
-    assert [t[0] for t in told] == sorted(t[0] for t in told)
+    assert reports[-1] == (10, 10)
+    assert [t[0] for t in reports] == sorted(t[0] for t in reports)
     first, second = document.tables()
     assert [row[2] for row in first.rows] == [3, 3]
     assert [row[2] for row in second.rows] == [5, 5]
@@ -84,13 +84,13 @@ def test_trials_beside_flights_are_run_once_in_the_order_of_their_seeds() -> Non
 def test_json_is_alone_on_stdout_and_the_folder_is_whole(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert _call("reproduce", "tiny", "--workers", "1", "--json", "--runs", "2") == 0
     captured = capsys.readouterr()
-    told = json.loads(captured.out)
+    result = json.loads(captured.out)
     assert captured.err == ""
-    assert told.pop("folder") == "studies/tiny"
+    assert result.pop("folder") == "studies/tiny"
     assert sorted(p.name for p in (tmp_path / "studies/tiny").iterdir()) == ["report.html", "results.json"]
-    assert told == json.loads((tmp_path / "studies/tiny/results.json").read_text())
-    assert told["again"] == "flightbed reproduce tiny --runs 2"
-    assert told["tables"]["first"][0]["final"]["runs"] == 2
+    assert result == json.loads((tmp_path / "studies/tiny/results.json").read_text())
+    assert result["again"] == "flightbed reproduce tiny --runs 2"
+    assert result["tables"]["first"][0]["final"]["runs"] == 2
     assert _call("reproduce", "tiny", "--workers", "1", "--runs", "1") == 0
     shown = capsys.readouterr().out
     assert "A tiny study" in shown
@@ -129,7 +129,7 @@ def test_studies_are_listed(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_study_leaves_nothing(tmp_path: Path) -> None:
-    """As from the keyboard: parent and workers get the signal."""
+    """Parent and workers get the signal, as from the keyboard."""
     process = subprocess.Popen(
         [*COMMAND, "reproduce", "sillence", "--runs", "500", "--out", "x"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,

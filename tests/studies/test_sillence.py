@@ -1,4 +1,4 @@
-"""The thesis against its print: Tables 1 to 5, the search, the claims with their intervals, every figure."""
+"""Sillence (1999): Tables 1 to 5 against the print, the search over set-ups, the claims with their intervals, every figure."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ CONTRARY = {
     "adaptive_near_unfailed_position_window", "adaptive_near_unfailed_position_readings", "bounded_significant_0.2", "bounded_significant_0.1",
     "hump_removed_0.2", "hump_removed_0.1", "two_sigma",
 }  # fmt: skip
-# Too near to the limit for 60 draws; what is tested of them is how near.
+# Too close to the limit for a verdict with 60 draws; the tests check the distance from the limit.
 SLIGHT = {"better_after_0.8", "bounded_0.1_post"} | {
     f"adaptation_costs_excitation_{feedback}_{fed}" for feedback, fed in setup.LAWS_READ
 }
 
 
-def test_the_printed_numbers_are_those_of_the_print() -> None:
+def test_printed_numbers_agree_with_the_golden_file() -> None:
     assert [[q, alpha, float(snr)] for q, alpha, snr in printed.TABLE_1] == GOLDEN["table_1"]["rows"]
     assert [[k, *row] for k, row in printed.TABLE_4.items()] == GOLDEN["table_4"]["rows"]
     assert [[k, *row] for k, row in printed.TABLE_5.items()] == GOLDEN["table_5"]["rows"]
@@ -43,7 +43,7 @@ def test_tables_1_to_3_come_out_with_all_digits() -> None:
 
 
 def test_table_1_by_hand() -> None:
-    """His eq (82) written out: half the ratio of |x|^2 with w^2 on pitch rate, w^2 = 1 / |p1 p2| of the poles as he prints them."""
+    """Eq (82) written out: half the ratio of |x|^2 with w^2 on pitch rate, w^2 = 1 / |p1 p2| of the printed poles."""
     w2 = 1.0 / (0.6737 * 0.30691)
     for q_std, alpha_std, wanted in printed.TABLE_1:
         ratio = (6.0**2 + w2 * 11.144**2) / (2.0 * (alpha_std**2 + w2 * q_std**2))
@@ -83,7 +83,7 @@ def test_the_glance_says_the_same(flown: Flights) -> None:
     assert all(row[-1] == "yes" for row in table.rows)
 
 
-def test_the_default_set_up_cannot_be_told_from_the_nearest(flown: Flights) -> None:
+def test_the_default_set_up_is_indistinguishable_from_the_nearest(flown: Flights) -> None:
     (table,) = flown.search.items
     assert isinstance(table, Table)
     default, found = setup.DEFAULT, table.rows[1:]
@@ -98,9 +98,9 @@ def test_the_default_set_up_cannot_be_told_from_the_nearest(flown: Flights) -> N
     ]
     assert own[5].low <= 0.0
     readings = [row for row in found if row[3] == "readings"]
-    assert own is readings[0]  # of those that feed the readings, as his text has it, it is the nearest
+    assert own is readings[0]  # nearest of the set-ups with the readings fed back, as in the text of the thesis
     far = {row[0]: row for row in readings if row[1] == 0.0 and row[2] == default.first_reading and row is not own}
-    assert all(row[5].low > 0.0 for row in far.values())  # which deflection u_k is can be told
+    assert all(row[5].low > 0.0 for row in far.values())  # the data identify the deflection u_k
 
 
 def test_distance_is_one_at_the_tolerance() -> None:
@@ -111,8 +111,8 @@ def test_distance_is_one_at_the_tolerance() -> None:
     assert setup.distances(np.array([final + entries] * 2).T) == pytest.approx(np.array([off, off]).T)
 
 
-def test_how_the_smoother_starts_does_not_matter() -> None:
-    """Eq (85) by scipy's filter, from 1 as here and from 0: at the failure nothing is left of the difference."""
+def test_the_initial_value_of_the_smoother_has_no_effect() -> None:
+    """Eq (85) by scipy's filter, from 1 as here and from 0: the difference has vanished at the failure."""
     trace, _ = fly_plan(plan(setup.thesis(left=0.2)))
     raw, smoothed = trace[f"{WINDOW}.effectiveness"], trace[f"{WINDOW}.effectiveness_smoothed"]
     started = [lfilter([0.1], [1.0, -0.9], raw, zi=[0.9 * start])[0] for start in (1.0, 0.0)]
@@ -127,7 +127,7 @@ def _claims(flown: Flights) -> dict[str, Claim]:
 
 
 def test_which_claims_hold(flown: Flights) -> None:
-    """All orderings that the thesis argues from, but for those that docs/sillence.md tells."""
+    """All claims of the thesis hold except those that docs/sillence.md lists."""
     judged = _claims(flown)
     assert {key for key, claim in judged.items() if claim.holds is not True} - SLIGHT == CONTRARY
     assert all(judged[key].holds is False for key in CONTRARY)
@@ -148,14 +148,14 @@ def test_a_larger_failure_is_estimated_better_after_than_before(flown: Flights, 
     assert claims[f"larger_better_{left:g}"].interval.high < 0.0
 
 
-def test_a_small_failure_is_estimated_as_after_as_before(flown: Flights) -> None:
+def test_a_small_failure_is_estimated_equally_before_and_after(flown: Flights) -> None:
     interval = _claims(flown)["better_after_0.8"].interval
     assert -0.02 < interval.low < interval.high < 0.01
 
 
 @pytest.mark.parametrize(("feedback", "fed"), setup.LAWS_READ)
 def test_adaptation_hardly_costs_excitation(flown: Flights, feedback: str, fed: str) -> None:
-    """The thesis sees a significant reduction of estimation performance; the RMS error is 0.02, and moves by a tenth of it."""
+    """The thesis reports a significant reduction of estimation performance; the RMS error of 0.02 changes by a tenth."""
     interval = _claims(flown)[f"adaptation_costs_excitation_{feedback}_{fed}"].interval
     assert -0.005 < interval.low < interval.high < 0.005
 
@@ -177,18 +177,18 @@ def test_adaptive_tracking_is_near_the_unfailed_one_in_one_reading_of_the_law(fl
     assert 0.6 < claims[f"adaptive_near_unfailed_position_{fed}"].interval.high < 0.75 < NEAR
 
 
-def test_two_sigma_hold_what_they_should_with_the_mean_deflection_only(flown: Flights) -> None:
+def test_two_sigma_are_consistent_with_the_mean_deflection_only(flown: Flights) -> None:
     (table,) = [item for item in flown.claims.items if isinstance(item, Table) and item.key == "coverage"]
     his, readings = (
         {at.removeprefix("u_k: "): cell for at, cell in zip(table.columns[1:], row[1:], strict=True)}
         for row in table.rows
     )
     for row in (his, readings):
-        # A flight's windows of 30 samples overlap: some 50 do not, so its share scatters by 0.03, and the median of 60 by 0.005.
+        # Windows of 30 samples overlap; about 50 of a flight do not: its share scatters by 0.03, the median of 60 flights by 0.005.
         assert row["mean"].estimate == pytest.approx(0.9545, abs=0.015)
         assert row["start"].high < 0.9
         assert row["end"].high < 0.9
-    assert abs(his["end"].estimate - readings["end"].estimate) < 0.05  # the prior costs little
+    assert abs(his["end"].estimate - readings["end"].estimate) < 0.05  # the prior has little effect
     assert _claims(flown)["two_sigma"].interval == his["end"]
 
 
@@ -210,15 +210,15 @@ def test_every_figure_is_there_and_shows_something(flown: Flights) -> None:
         assert picture.svg.count("<path") > 5
 
 
-def test_a_step_held_for_a_period_is_half_of_it_late(flown: Flights) -> None:
+def test_a_held_step_is_late_by_half_a_period(flown: Flights) -> None:
     (figure,) = [item for item in flown.figures.items if isinstance(item, Picture) and item.key == "figure-11"]
-    assert float(re.search(r"is ([\d.]+) ms behind", figure.facts)[1]) == pytest.approx(
+    assert float(re.search(r"is ([\d.]+) ms;", figure.facts)[1]) == pytest.approx(
         50.0, abs=2.5
     )  # T/2; the next term of exp(-3 t) is 3 T^2 / 12
 
 
-def test_the_loop_needs_alpha(flown: Flights) -> None:
-    """Figures 3 to 6: without alpha feedback pitch rate follows worse, with both laws."""
+def test_alpha_feedback_improves_tracking(flown: Flights) -> None:
+    """Figures 3 to 6: without alpha feedback the pitch rate tracks worse, with both laws."""
     words = {item.key: item.facts for item in flown.figures.items if isinstance(item, Picture)}
     rms = {n: float(re.search(r"([\d.]+) deg/s", words[f"figure-{n}"])[1]) for n in (3, 4, 5, 6)}
     assert rms[3] > 1.5 * rms[4]

@@ -1,4 +1,4 @@
-"""The study of Wu and others (2000): its examples, claims with intervals, the law of the test, margins, figures, the folder."""
+"""Wu, Zhang and Zhou (2000): examples, claims with intervals, distribution of the test statistic, margins, figures, the folder."""
 
 from __future__ import annotations
 
@@ -44,7 +44,11 @@ CONTRARY = {
     "more_indicative_redesigned", "more_indicative_ever_redesigned", "more_indicative_ever_offset",
     "more_accurate_redesigned", "more_accurate_offset",
 }  # fmt: skip
-OPEN = {"chi_square_open", "zero_mean_open", "raised_after_failure"}  # too near to their limits for so many draws
+OPEN = {
+    "chi_square_open",
+    "zero_mean_open",
+    "raised_after_failure",
+}  # too close to their limits for a verdict with these draws
 
 
 def _built(part: Part) -> Section:
@@ -82,19 +86,19 @@ def test_without_redesign_example_2_departs_and_with_it_settles(judged: dict[str
     assert judged["settled_with_offset"].interval.high < 1.3
 
 
-def test_adaptation_shows_the_failure_more_with_offset_weights_and_less_without(judged: dict[str, Claim]) -> None:
+def test_adaptation_raises_d_with_offset_weights_and_lowers_it_without(judged: dict[str, Claim]) -> None:
     assert judged["more_indicative_offset"].interval.low > 0.0
     assert judged["more_indicative_redesigned"].interval.high < 0.0
 
 
-def test_claims_are_judged_as_the_document_says(judged: dict[str, Claim]) -> None:
+def test_verdicts_agree_with_the_document(judged: dict[str, Claim]) -> None:
     assert len(judged) == 35
     assert {key for key, claim in judged.items() if claim.holds is False} >= CONTRARY
     assert {key for key, claim in judged.items() if claim.holds is not True} <= CONTRARY | OPEN
 
 
 def test_the_scenarios_are_those_of_table_1() -> None:
-    """Per cent of each input at the times of its columns."""
+    """Per cent of each input at the times of the table's columns."""
     wanted = {
         1: [(100, 100), (25, 100), (25, 100), (25, 100)],
         2: [(100, 100), (50, 100), (0, 100), (0, 100)],
@@ -122,8 +126,8 @@ def test_the_matrices_are_of_differential_equations() -> None:
         )
 
 
-def test_a_run_is_what_its_parts_say(rng: np.random.Generator) -> None:
-    """The plant of a run, step by step from its own records: with the inputs that it records and K, only the process noise is left."""
+def test_a_run_satisfies_the_equation_of_the_plant(rng: np.random.Generator) -> None:
+    """The recorded states, inputs and K satisfy the plant's equation up to the process noise."""
     case = aircraft(4, law=Law.OFFSET)
     run, again = simulate(3, case), simulate(3, case)
     np.testing.assert_array_equal(run.estimate, again.estimate)
@@ -150,7 +154,7 @@ def test_the_noise_is_the_same_in_all_cases() -> None:
 def test_measures_by_hand() -> None:
     case = unstable(LEFT)
     run = simulate(1, case)
-    found = measures.measured(run, case)
+    found = measures.run_measures(run, case)
     after = run.t_s > printed.FAILED_AT_S + 1e-9
     error = run.estimate - run.effectiveness
     assert found.error == pytest.approx(np.sqrt(np.mean(error[after] ** 2)), rel=1e-12)
@@ -158,30 +162,30 @@ def test_measures_by_hand() -> None:
     first = run.t_s[np.argmax(after & (run.statistic[:, 0] > 5.0))] - printed.FAILED_AT_S
     assert measures.delay_s(found, 5.0, PERIOD_S) == pytest.approx(first, abs=1e-9)
     near = run.t_s[np.argmax(after & (np.max(np.abs(error), axis=1) < 0.2))] - printed.FAILED_AT_S
-    assert measures.within_s(found, 0.2, PERIOD_S) == pytest.approx(near, abs=1e-9)
+    assert measures.time_to_within_s(found, 0.2, PERIOD_S) == pytest.approx(near, abs=1e-9)
     assert measures.delay_s(found, 1e9, PERIOD_S) == np.inf
-    whole = measures.measured(simulate(1, unstable(None)), unstable(None))
+    whole = measures.run_measures(simulate(1, unstable(None)), unstable(None))
     assert np.isnan(whole.error)
     assert whole.failed == len(run.t_s)
 
 
-def test_the_law_of_the_test_in_an_open_loop_is_that_of_one_estimate_not_of_three() -> None:
-    """300 runs without forgetting: the effective degrees keep their word, the print's three do not."""
-    runs = [measures.quiet(seed, aircraft(None, NONE, Law.OPEN)) for seed in range(300)]
+def test_in_open_loop_d_has_one_degree_of_freedom_not_three() -> None:
+    """300 runs without forgetting: the effective degrees give the nominal rate, the three degrees of the print do not."""
+    runs = [measures.quiet_run(seed, aircraft(None, NONE, Law.OPEN)) for seed in range(300)]
     degrees = effective_degrees(measures.autocorrelation(runs), printed.WINDOW)
     assert 1.0 <= degrees < 1.1
     last = np.array([run.statistic[-1] for run in runs])
     assert 5 <= np.sum(last > correlated_threshold(degrees, 0.05)) <= 29  # binomial (300, 0.05), 0.1 % to 99.9 %
     assert (
         np.sum(last > chi_square_threshold(printed.WINDOW, 0.05)) > 21
-    )  # 99 % point of what the print says is 24, the median 15
+    )  # under the print's distribution the 99 % point is 24, the median 15
     assert abs(np.mean([run.last for run in runs])) < 3.3 / np.sqrt(300)
 
 
-def test_the_mean_in_a_closed_loop_is_of_the_estimates_that_are_fed_back() -> None:
-    """It goes with the loop open, and with the noise."""
+def test_feedback_of_the_estimates_causes_the_mean_of_gamma() -> None:
+    """The mean vanishes in open loop."""
     closed, opened = (
-        np.array([measures.quiet(seed, aircraft(None, VARIABLE, law)).last for seed in range(40)])
+        np.array([measures.quiet_run(seed, aircraft(None, VARIABLE, law)).last for seed in range(40)])
         for law in (Law.FIXED, Law.OPEN)
     )
     assert np.mean(closed) > 1.0
@@ -190,10 +194,10 @@ def test_the_mean_in_a_closed_loop_is_of_the_estimates_that_are_fed_back() -> No
 
 def test_a_calibrated_threshold_holds_on_fresh_runs() -> None:
     case = aircraft(None, CONSTANT)
-    first, fresh = (np.array([measures.quiet(s, case).largest for s in range(k, k + 100)]) for k in (0, 100))
+    first, fresh = (np.array([measures.quiet_run(s, case).largest for s in range(k, k + 100)]) for k in (0, 100))
     found = calibrated_threshold(first, 0.1)
     assert found.low < found.threshold < found.high
-    assert 2 <= np.sum(fresh > found.threshold) <= 25  # 10 of 100, the threshold itself known from 100 runs
+    assert 2 <= np.sum(fresh > found.threshold) <= 25  # nominally 10 of 100, with a threshold estimated from 100 runs
 
 
 def test_the_margins_of_example_2_are_where_its_loop_loses_stability() -> None:
@@ -215,12 +219,12 @@ def test_the_margins_of_example_2_are_where_its_loop_loses_stability() -> None:
 
 
 def test_the_parts_with_few_draws() -> None:
-    """Tables are whole, with all rows, from two draws."""
+    """Tables have all their rows with two draws."""
     law = _built(detection.law(2, 2))
     by_key = {item.key: item for item in law.items if isinstance(item, Table)}
     assert [len(by_key[k].rows) for k in ("law_of_test", "thresholds")] == [12, 9]
-    second = next(item for item in _built(tables.second(2)).items if isinstance(item, Table))
-    assert len(second.rows) == len(tables.LEFT_OVER) * len(tables.LAWS) + 1
+    example_2 = next(item for item in _built(tables.example_2(2)).items if isinstance(item, Table))
+    assert len(example_2.rows) == len(tables.LEFT_VALUES) * len(tables.LAWS) + 1
     accuracy = [item for item in _built(tables.accuracy(2)).items if isinstance(item, Table)]
     assert [len(table.rows) for table in accuracy] == [5, 15]
 
@@ -247,7 +251,7 @@ def test_the_choices_table_counts_orders() -> None:
 
     def fake(which: str) -> Any:
         empty = np.zeros(2)
-        return measures.Measured(0.0, error[which], empty, empty, np.nan, 0.0, 0.0, 0.0, empty, empty, 0, 0.0)
+        return measures.RunMeasures(0.0, error[which], empty, empty, np.nan, 0.0, 0.0, 0.0, empty, empty, 0, 0.0)
 
     results = [[fake(names.get(repr(j.arguments[0].forgetting), "constant"))] * 12 for j in jobs]
     table = next(item for item in part.build(results).items if isinstance(item, Table))

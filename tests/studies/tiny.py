@@ -1,4 +1,4 @@
-"""A study of two small flights, for tests of what all studies share."""
+"""A study of two small flights, for tests of the code common to all studies."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.statistics import spread
-from flightbed.studies.base import Part, Study, keyed
+from flightbed.studies.base import Part, Study, keyed_part
 from flightbed.studies.sillence.setup import EXPANDING, thesis
 
 
@@ -26,4 +26,4 @@ def _part(runs: int, key: str, columns: tuple[str, ...] = ()) -> Part:
         ]
         return Section(key, [], [Table(key, key, ("K_1", "final", "flights"), rows)])
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)

@@ -1,1 +1,1 @@
-"""Gupta, D'Amato, Ali and Bernstein (2012): reconstruction of an unknown harmonic input, recomputed."""
+"""Gupta, D'Amato, Ali and Bernstein (2012), recomputed: reconstruction of an unknown harmonic input."""

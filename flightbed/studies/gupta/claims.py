@@ -1,4 +1,4 @@
-"""What the paper argues from, each as a claim that the computation bears out or does not, with its interval."""
+"""Claims of the paper, each judged by the 95 % interval of a computed quantity."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from flightbed.document import Claim, Section
 from flightbed.statistics import median_interval
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import printed
 from flightbed.studies.gupta.rivals import HARMONIC, rivals
 from flightbed.studies.gupta.tables import LARGE, SMALL
@@ -17,24 +17,24 @@ from flightbed.studies.gupta.trials import (
     LAST,
     WITHIN,
     Case,
-    Measured,
+    RunMeasures,
     as_printed,
     forgetful,
     initial_std,
-    measured,
+    measure,
 )
 
 _RIGID, _DAMPED, _NEAR, _FAR, _MISSILE = EXAMPLES
-_EXACT = 1e-6  # of the amplitude: below it an estimate without noise is called exact
+_EXACT = 1e-6  # an estimate without noise is exact if its error, as a share of the amplitude, is below this
 _FINE_S = 0.02  # the shorter period of the claim on sampling
 _AS_PRINTED = {_RIGID: "1", _DAMPED: "2", _MISSILE: "5"}
 
 
 def cases() -> dict[str, Case]:
-    """Return what the claims are judged by."""
+    """Return the cases of the claims, by name."""
     three = as_printed("3")
     fine = replace(three, period_s=_FINE_S, samples=round(three.samples * three.period_s / _FINE_S))
-    quiet = 1e-4 * three.initial_covariance  # so small that all runs converge
+    quiet = 1e-4 * three.initial_covariance  # small enough for convergence of all runs
     found = {
         "unregularized": replace(EXAMPLES[_RIGID], regularization=0.0),
         "damping, large": replace(three, initial_scale=LARGE),
@@ -48,22 +48,23 @@ def cases() -> dict[str, Case]:
 
 
 def claims(runs: int) -> Part:
-    """Run what the claims need, and judge them."""
-    jobs: dict[str, Trials] = {name: Trials(measured, (case,), runs) for name, case in cases().items()}
+    """Run the cases of the claims and judge the claims."""
+    jobs: dict[str, Trials] = {name: Trials(measure, (case,), runs) for name, case in cases().items()}
     jobs["rivals"] = Trials(rivals, (EXAMPLES[_RIGID],), runs)
 
     def build(results: Mapping[str, list[Any]]) -> Section:
         return Section(
             "Claims",
             [
-                f"What the paper's text and figures say, over {runs} initial states and phases each. An input is reconstructed if the "
-                f"error over the last {LAST} samples is below {WITHIN:.0%} of the amplitude, RMS. Intervals are of 95 %, of the median, "
-                "between order statistics; a claim holds if the whole interval lies on its side, and does not if none of it does.",
+                f"Claims of the paper's text and figures, {runs} initial states and phases each. An input is reconstructed if the RMS "
+                f"error over the last {LAST} samples is below {WITHIN:.0%} of the amplitude. Intervals: 95 %, of the median, between "
+                "order statistics. A claim holds if the whole interval meets its condition, and does not hold if no part of the interval "
+                "does; otherwise it is open.",
             ],
-            list(judged(results)),
+            list(judge(results)),
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _below(key: str, text: str, measured: str, values: Sequence[float], limit: float = WITHIN) -> Claim:
@@ -76,17 +77,17 @@ def _above(key: str, text: str, measured: str, values: Sequence[float], limit: f
     return Claim(key, text, measured, found, True if found.low > limit else False if found.high <= limit else None)
 
 
-def judged(results: Mapping[str, list[Any]]) -> Iterator[Claim]:
-    """Judge all claims by the runs of ``cases`` and the rivals on example 1."""
+def judge(results: Mapping[str, list[Any]]) -> Iterator[Claim]:
+    """Judge all claims, from the results of ``cases`` by name and of the rivals on example 1 under ``"rivals"``."""
     for name, number in _AS_PRINTED.items():
-        made: list[Measured] = results[name]
+        made: list[RunMeasures] = results[name]
         yield _below(
             f"input_{number}", f"Example {name}: the input is reconstructed, with the settings printed.",
             "error of the input, shares of its amplitude", [m.error for m in made],
         )  # fmt: skip
         yield _below(
-            f"states_{number}", f"Example {name}: so are the states.", "largest error of a state, shares of the RMS the input gives it",
-            [m.state_error for m in made],
+            f"states_{number}", f"Example {name}: the states are reconstructed.",
+            "largest error of a state, shares of its RMS under the input alone", [m.state_error for m in made],
         )  # fmt: skip
     yield _above(
         "needs_regularization", "Example 1 needs the regularization: with eta = 0 it does not converge.", "error without it",
@@ -94,9 +95,9 @@ def judged(results: Mapping[str, list[Any]]) -> Iterator[Claim]:
     )  # fmt: skip
     yield _above(
         "kalman_nonminimum_phase",
-        "Introduction: where the plant is nonminimum-phase a Kalman filter cannot be asymptotically exact. Example 1, a filter that has "
-        "the input's frequency:",
-        f"error of that filter, shares of the amplitude; above {_EXACT:g} is not exact",
+        "Introduction: for a nonminimum-phase plant a Kalman filter cannot be asymptotically exact. Here example 1, and a filter with "
+        "the frequency of the input.",
+        f"error of this filter, shares of the amplitude; not exact above {_EXACT:g}",
         [float(run[HARMONIC]) for run in results["rivals"]],
         _EXACT,
     )
@@ -109,12 +110,13 @@ def _damping(results: Mapping[str, list[Any]]) -> Iterator[Claim]:
         scale = f"{initial_std(cases()[f'damping, {size}'])[0]:g} m"
         off = [abs(m.damping / printed.DAMPING - 1.0) for m in results[f"damping, {size}"]]
         yield _below(
-            f"damping_{size}", f"Example 3: the damping is found within 2 %, P(0) = I, from initial states of about {scale}.",
+            f"damping_{size}", f"Example 3: the damping is identified within 2 %, P(0) = I, initial states of about {scale}.",
             "relative error of the damping", off,
         )  # fmt: skip
     pairs = zip(results["damping, fine"], results["damping, coarse"], strict=True)
     yield _below(
-        "damping_period", f"Example 3: how well depends on the sampling: {_FINE_S:g} s is better than 0.1 s (P(0) small: all converge).",
+        "damping_period",
+        f"Example 3: the accuracy depends on the sample period: {_FINE_S:g} s is better than 0.1 s (small P(0): all runs converge).",
         "absolute error of the damping, 0.02 s less 0.1 s, N s/m",
         [abs(a.damping - printed.DAMPING) - abs(b.damping - printed.DAMPING) for a, b in pairs], 0.0,
     )  # fmt: skip
@@ -123,19 +125,19 @@ def _damping(results: Mapping[str, list[Any]]) -> Iterator[Claim]:
 def _mismatch(results: Mapping[str, list[Any]]) -> Iterator[Claim]:
     for name, word in ((_NEAR, "near"), (_FAR, "far")):
         for settings, suffix in (("as printed", ""), ("with forgetting", ", forgetting")):
-            made: list[Measured] = results[name + suffix]
+            made: list[RunMeasures] = results[name + suffix]
             key = f"{word}_{settings.rpartition(' ')[2]}"
             if word == "near":
                 yield _below(
-                    f"input_4_{key}", f"Example {name}, {settings}: the input is reconstructed, the damping being near enough.",
+                    f"input_4_{key}", f"Example {name}, {settings}: the input is reconstructed, with a damping close to the true one.",
                     "error of the input, shares of its amplitude", [m.error for m in made],
                 )  # fmt: skip
             yield _below(
-                f"equivalent_4_{key}", f"Example {name}, {settings}: what is reconstructed is the equivalent input of the wrong model.",
-                "error against that, shares of the input's amplitude", [m.equivalent_error for m in made],
+                f"equivalent_4_{key}", f"Example {name}, {settings}: the equivalent input of the wrong model is reconstructed.",
+                "error against the equivalent input, shares of the input's amplitude", [m.equivalent_error for m in made],
             )  # fmt: skip
     near, far = results[f"{_NEAR}, forgetting"], results[f"{_FAR}, forgetting"]
     yield _below(
-        "nearer_better", "Example 4: the nearer the believed damping to the true one, the better: 4 against 10 N s/m.",
+        "nearer_better", "Example 4: the closer the damping of the model to the true one, the smaller the error: 4 against 10 N s/m.",
         "error of the input with c_0 = 4 less that with 10", [a.error - b.error for a, b in zip(near, far, strict=True)], 0.0,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Figures 2 to 19, in the paper's order (figure 1 is a sketch of a block diagram)."""
+"""Figures 2 to 19 in the paper's order; Figure 1 is a block diagram."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _STATES = {"5": ("A_z, g", "q, rad/s", "fin, rad")}
 _MECHANICAL = ("position, m", "velocity, m/s")
-_SHOWN = 200  # samples of inputs and states that can still be told apart: the first and the last
+_TAIL_SAMPLES = 200  # samples in the lower plot of the input, from the end of the run
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,12 @@ class Figure:
     """One figure.
 
     Attributes:
-        number: the paper's.
-        title: what it shows.
-        case: what is run.
-        rows: axes.
-        draw: draws a run as printed, and the same with forgetting; returns computed facts in words.
-        share_x: whether the axes show the same samples.
+        number: number in the paper.
+        title: title without the number.
+        case: case to run.
+        rows: number of axes, one above the other.
+        draw: draws a run as printed and the same run with forgetting, and returns computed facts as sentences.
+        share_x: whether all axes show the same samples.
 
     """
 
@@ -56,7 +56,7 @@ class Figure:
 
 
 def figures() -> Part:
-    """Draw them all, each from one run (seed 0)."""
+    """Draw all figures, each from one run (seed 0)."""
     wanted = list(_figures())
     jobs = [Trials(history, (case,), 1) for figure in wanted for case in (figure.case, forgetful(figure.case))]
 
@@ -72,12 +72,14 @@ def figures() -> Part:
                 facts = figure.draw(axes, printed_run, forgetting_run)
                 axes[-1].set_xlabel("sample")
                 drawn = drawing.distinct(svg(), key)
-            pictures.append(Picture(key, f"Figure {figure.number}: {figure.title}", drawn, _words(figure.case), facts))
+            pictures.append(
+                Picture(key, f"Figure {figure.number}: {figure.title}", drawn, _case_words(figure.case), facts)
+            )
         return Section(
             "Figures",
             [
-                "One run each (seed 0), from initial states that the paper does not print, with the settings printed; where a "
-                "second line is drawn it is with lambda = 0.99.",
+                "One run each (seed 0), with the printed settings and with initial states of our choice, which the paper does not print. "
+                "A second line, where present, has lambda = 0.99.",
             ],
             pictures,
         )
@@ -85,7 +87,7 @@ def figures() -> Part:
     return Part(jobs, build)
 
 
-def _words(case: Case) -> str:
+def _case_words(case: Case) -> str:
     return (
         f"n_c = {case.order}, P(0) = {case.initial_covariance:g} I, eta_0 = {case.regularization:g}, T = {case.period_s:g} s, "
         f"{case.samples} samples."
@@ -103,19 +105,19 @@ def _figures() -> Iterator[Figure]:
     }
     for name, (first, second, third) in numbers.items():
         case = EXAMPLES[name]
-        yield Figure(first, f"performance and gains, example {name}", case, 2, _performance)
-        yield Figure(second, f"input, example {name}", case, 2, _input, share_x=False)
+        yield Figure(first, f"performance and gains, example {name}", case, 2, _draw_performance)
+        yield Figure(second, f"input, example {name}", case, 2, _draw_input, share_x=False)
         yield Figure(
             third, f"states, example {name}", case, 3 if case.example == "5" else 2, _states_of(case, case.samples)
         )
         if second == 6:
             words = f"example 3, initial states of about {SMALL:g} m"
-            yield Figure(8, f"performance and gains, {words}", three, 2, _performance)
+            yield Figure(8, f"performance and gains, {words}", three, 2, _draw_performance)
             yield Figure(9, f"states, {words}", three, 2, _states_of(three, three.samples))
-            yield Figure(10, f"damping, {words}", three, 1, _damping)
+            yield Figure(10, f"damping, {words}", three, 1, _draw_damping)
 
 
-def _performance(axes: Sequence[Axes], run: History, again: History) -> str:
+def _draw_performance(axes: Sequence[Axes], run: History, again: History) -> str:
     k = np.arange(len(run.input), dtype=np.float64)
     for made, color, words in ((run, drawing.ACTUAL, "lambda = 1"), (again, drawing.COMMAND, "lambda = 0.99")):
         drawing.line(axes[0], k, np.maximum(np.abs(made.performance), 1e-16), color=color, label=words)
@@ -133,10 +135,10 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values[-LAST:] ** 2)))
 
 
-def _input(axes: Sequence[Axes], run: History, again: History) -> str:
+def _draw_input(axes: Sequence[Axes], run: History, again: History) -> str:
     total, unit = len(run.input), printed.AMPLITUDE
     k = np.arange(total, dtype=np.float64)
-    for axis, span in ((axes[0], slice(0, total)), (axes[1], slice(total - _SHOWN, total))):
+    for axis, span in ((axes[0], slice(0, total)), (axes[1], slice(total - _TAIL_SAMPLES, total))):
         for made, color, words in ((run, drawing.ACTUAL, "u-hat, lambda = 1"), (again, drawing.COMMAND, "0.99")):
             drawing.line(axis, k[span], made.input[span], color=color, label=words)
         drawing.line(axis, k[span], run.signals.input[span], color=drawing.TRUTH, linewidth=0.8, label="u")
@@ -148,7 +150,9 @@ def _input(axes: Sequence[Axes], run: History, again: History) -> str:
         off, equivalent = (_rms(made.input - truth) / unit for truth in (made.signals.input, made.signals.equivalent))
         parts.append(f"{words}: {off:.2g} of the amplitude, {equivalent:.2g} against the equivalent input")
     peak = float(np.max(np.abs(run.input)))
-    return f"Above all of it, cut at three amplitudes (peak {peak:.3g}); below its end. Error, RMS: {'; '.join(parts)}."
+    return (
+        f"Above the whole run, cut at three amplitudes (peak {peak:.3g}); below its end. RMS error: {'; '.join(parts)}."
+    )
 
 
 def _states_of(case: Case, samples: int) -> Callable[[Sequence[Axes], History, History], str]:
@@ -168,12 +172,12 @@ def _states_of(case: Case, samples: int) -> Callable[[Sequence[Axes], History, H
     return draw
 
 
-def _damping(axes: Sequence[Axes], run: History, _again: History) -> str:
-    found = damping_history(run, printed.BELIEVED_3)
+def _draw_damping(axes: Sequence[Axes], run: History, _again: History) -> str:
+    found = damping_history(run, printed.MODEL_DAMPING_3)
     k = np.arange(len(found), dtype=np.float64)
     drawing.line(axes[0], k, found, color=drawing.ACTUAL, label="damping of (54)")
     axes[0].axhline(printed.DAMPING, color=drawing.TRUTH, linewidth=0.8, label="true")
     axes[0].set_ylim(0.0, 2.0 * printed.DAMPING)
     axes[0].set_ylabel("c, N s/m")
     drawing.legend(axes[0])
-    return f"Ends at {found[-1]:.4f} N s/m."
+    return f"Final value {found[-1]:.4f} N s/m."

@@ -1,25 +1,25 @@
-"""What Gupta et al. (2012) print of their examples, section V, and what they leave open; nothing here is computed."""
+"""Printed data of the examples of Gupta et al. (2012), section V; no value in this module is computed."""
 
 from __future__ import annotations
 
 from types import MappingProxyType
 from typing import NamedTuple
 
-AMPLITUDE, RAD_PER_SAMPLE = 0.6, 0.2  # u(k) = 0.6 sin(0.2 k), all examples but the third
+AMPLITUDE, RAD_PER_SAMPLE = 0.6, 0.2  # u(k) = 0.6 sin(0.2 k), all examples except the third
 MASS_KG, DAMPING, STIFFNESS = 1.0, 5.0, 2.0  # kg, N s/m, N/m
-BELIEVED_3, BELIEVED_4 = 3.0, (4.0, 10.0)  # initial damping of examples 3 and 4, N s/m
+MODEL_DAMPING_3, MODEL_DAMPING_4 = 3.0, (4.0, 10.0)  # initial damping of examples 3 and 4, N s/m
 K_OPT = (-2.0740, 11.7514, -119.0269)  # (73): gains on A_z (g), q (rad/s), fin (rad); fin rate in rad/s
 
 
 class Settings(NamedTuple):
-    """What is printed for an example.
+    """Printed settings of an example.
 
     Attributes:
-        order: n_c.
-        initial_covariance: of P(0), times the identity.
+        order: order n_c of the feedback.
+        initial_covariance: factor of the identity in P(0).
         regularization: eta_0.
-        period_s: T_s; None where it is not printed.
-        converges: what the text and its figures are shown for.
+        period_s: T_s, s; None if not printed.
+        converges: quantities that the text and the figures report as converging.
 
     """
 
@@ -40,4 +40,4 @@ SETTINGS = MappingProxyType(
     }
 )
 
-# Not printed: how long, initial states, lambda, which of its three rules eta follows in example 1, example 5's aerodynamics and period.
+# Not printed: duration, initial states, lambda, the rule (one of three) for eta in example 1, aerodynamics and period of example 5.

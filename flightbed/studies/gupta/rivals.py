@@ -1,4 +1,4 @@
-"""The same signals given to a Kalman filter with an input state, to an unknown-input observer, and to the retrospective cost."""
+"""Comparison on the same signals: Kalman filters with an input state, an unknown-input observer, and the retrospective cost."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flightbed.estimation.input_observer import (
     random_walk,
 )
 from flightbed.statistics import spread
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import printed
 from flightbed.studies.gupta.trials import (
     EXAMPLES,
@@ -31,45 +31,45 @@ from flightbed.studies.gupta.trials import (
     Signals,
     forgetful,
     initial_std,
-    measured,
+    measure,
     models,
     signals,
 )
 
-NOISES = (0.0, 0.01, 0.1)  # of the output's RMS
-WRONG_FREQUENCY = 1.1  # times the true one
-_FLOOR = 1e-6  # of the outputs' RMS: noise that filters are told of where there is none
+NOISES = (0.0, 0.01, 0.1)  # standard deviations, as shares of the output's RMS
+WRONG_FREQUENCY = 1.1  # frequency of the mistuned filter relative to the true one
+_FLOOR = 1e-6  # smallest noise in the filters' settings, as a share of the output's RMS
 RETROSPECTIVE, FORGETTING, WALK, HARMONIC, OFF, OBSERVER = (
     "retrospective", "retrospective, forgetting", "random walk", "harmonic", "harmonic, 10 % off", "observer, u(k-1)",
 )  # fmt: skip
 
 
 def rivals(seed: int, case: Case) -> dict[str, float | None]:
-    """Return the errors of all, RMS over the last 100 samples in shares of the amplitude; None where no observer exists."""
+    """Return the RMS error of each estimator over the last 100 samples, as a share of the amplitude; None if no observer exists."""
     given, (_, model) = signals(seed, case), models(case)
     unit = printed.AMPLITUDE
     step = 2.0 * sin(printed.RAD_PER_SAMPLE / 2.0) * unit / sqrt(2.0)  # RMS of u(k+1) - u(k)
-    # The harmonic keeps amplitude and phase but for what a thousandth of the amplitude a sample may change.
-    believed: dict[str, InputDynamics] = {
+    # Amplitude and phase of the harmonic may change by a thousandth of the amplitude per sample.
+    dynamics: dict[str, InputDynamics] = {
         WALK: random_walk(1, step_std=step, initial_std=unit),
         HARMONIC: harmonic(1, printed.RAD_PER_SAMPLE, step_std=1e-3 * unit, initial_std=unit),
         OFF: harmonic(1, WRONG_FREQUENCY * printed.RAD_PER_SAMPLE, step_std=1e-3 * unit, initial_std=unit),
     }
-    told = _told(given, model, case)
+    settings = _settings(given, model, case)
     found: dict[str, float | None] = {
-        name: _error(_filtered(InputKalmanFilter(dynamics, model, **told), given), given.input)
-        for name, dynamics in believed.items()
+        name: _error(_estimates(InputKalmanFilter(one, model, **settings), given), given.input)
+        for name, one in dynamics.items()
     }
     found[OBSERVER] = None
     if no_observer(model) is None:
-        late = _filtered(UnknownInputObserver(model, **told), given)
+        late = _estimates(UnknownInputObserver(model, **settings), given)
         found[OBSERVER] = _error(late[1:], given.input[:-1])
-    found[RETROSPECTIVE] = measured(seed, case).error
-    found[FORGETTING] = measured(seed, forgetful(case)).error
+    found[RETROSPECTIVE] = measure(seed, case).error
+    found[FORGETTING] = measure(seed, forgetful(case)).error
     return found
 
 
-def _told(given: Signals, model: InputModel, case: Case) -> dict[str, Array]:
+def _settings(given: Signals, model: InputModel, case: Case) -> dict[str, Array]:
     usual = float(np.sqrt(np.mean(given.outputs[-LAST:] ** 2)))
     noise = max(given.noise_std, _FLOOR * usual)
     return {
@@ -79,7 +79,7 @@ def _told(given: Signals, model: InputModel, case: Case) -> dict[str, Array]:
     }
 
 
-def _filtered(estimator: InputKalmanFilter | UnknownInputObserver, given: Signals) -> Array:
+def _estimates(estimator: InputKalmanFilter | UnknownInputObserver, given: Signals) -> Array:
     return np.array([estimator.update(y).input[0] for y in given.outputs])
 
 
@@ -88,7 +88,7 @@ def _error(found: Array, truth: Array) -> float:
 
 
 def comparison(runs: int) -> Part:
-    """Compare all on all examples but the third, without noise and with it."""
+    """Compare all estimators on all examples except the third, without noise and with noise."""
     jobs: dict[tuple[str, float], Trials] = {
         (name, noise): Trials(rivals, (replace(case, noise_share=noise),), runs)
         for name, case in EXAMPLES.items()
@@ -107,18 +107,20 @@ def comparison(runs: int) -> Part:
         columns = ("example", "noise", *names)
         table = Table(
             "rivals", "Error of the input, in shares of its amplitude", columns, rows, dict.fromkeys(names, ".2g"),
-            note=f"{runs} runs each, median [5 %, 95 %], RMS over the last {LAST} samples, against u itself; {WITHIN:g} is the mark. "
-            "Noise: of the output's RMS that the input gives. The observer tells the input one sample late and is compared with that one. "
-            "0.14 is what u changes in a sample. The Kalman filters know the noise, the walk the RMS of the input's steps.",
+            note=f"{runs} runs each, median [5 %, 95 %], RMS over the last {LAST} samples, against u itself; below {WITHIN:g} the input "
+            "counts as reconstructed. Noise: as a share of the output's RMS under the input alone. The observer estimates the input one "
+            "sample late and is compared with that sample. The RMS change of u per sample is 0.14. The Kalman filters have the variance "
+            "of the noise, the random walk also the RMS of the input's steps.",
         )  # fmt: skip
         return Section(
             "Rivals",
             [
-                "A Kalman filter that knows the input's frequency; one that is told a frequency 10 % too high; one that takes the input "
-                "for a random walk; and the unbiased minimum-variance observer of Gillijns and De Moor (2007), which asks nothing of the "
-                "input and exists if no zero is on or outside the unit circle. All have the model that the retrospective cost has.",
+                "A Kalman filter with the input's frequency; a Kalman filter with a frequency 10 % too high; a Kalman filter with a "
+                "random walk as its model of the input; and the unbiased minimum-variance observer of Gillijns and De Moor (2007), which "
+                "assumes nothing about the input and exists if no zero is on or outside the unit circle. All use the same model of the "
+                "plant as the retrospective cost.",
             ],
             [table],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)

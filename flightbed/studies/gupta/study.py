@@ -1,4 +1,4 @@
-"""The study of Gupta, D'Amato, Ali and Bernstein (2012): its examples recomputed, its claims judged, its rivals on the same signals."""
+"""The study of Gupta, D'Amato, Ali and Bernstein (2012): examples recomputed, claims judged, rival estimators on the same signals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def parts(runs: int) -> Sequence[Part]:
     """Return all parts, in the order of the report.
 
     Args:
-        runs: initial states and phases of each case.
+        runs: initial states and phases per case.
 
     """
     return [

@@ -1,4 +1,4 @@
-"""The examples at a glance, what regularizes example 1, what becomes of the damping, what order and period do."""
+"""Tables: summary of the examples, regularization of example 1, damping of example 3, effect of order and period."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ import numpy as np
 from flightbed.document import Section, Table
 from flightbed.estimation.input_model import invariant_zeros
 from flightbed.statistics import Interval, share, spread
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import plants, printed
 from flightbed.studies.gupta.trials import (
     EXAMPLES,
     LAST,
     WITHIN,
     Case,
-    Measured,
+    RunMeasures,
     as_printed,
     forgetful,
-    measured,
+    measure,
     models,
 )
 
-Results = Mapping[Any, list[Measured]]
+Results = Mapping[Any, list[RunMeasures]]
 
-LARGE, SMALL = 1.0, 0.01  # of example 3's initial states: m and m/s
+LARGE, SMALL = 1.0, 0.01  # scale of the initial states of example 3, m and m/s
 _RULES: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("none", {"regularization": 0.0}),
     *((f"constant {eta:g}", {"regularization": eta}) for eta in (1e-4, 1e-3, 0.01, 0.1, 1.0)),
@@ -45,18 +45,18 @@ PERIODS = {"2 damped rigid body": (0.1, 0.2, 0.5, 1.0, 2.0), "5 missile": (0.05,
 DAMPING_PERIODS = (0.2, 0.1, 0.05, 0.02)
 
 
-def converged(runs: Sequence[Measured], key: str = "error") -> Interval:
-    """Return the share of the runs with an error below 2 %, with its interval."""
+def share_converged(runs: Sequence[RunMeasures], key: str = "error") -> Interval:
+    """Return the share of the runs with an error ``key`` below 2 %, with its 95 % interval."""
     return share(sum(getattr(run, key) < WITHIN for run in runs), len(runs))
 
 
-def _errors(runs: Sequence[Measured], key: str = "error") -> Any:
+def _errors(runs: Sequence[RunMeasures], key: str = "error") -> Any:
     values = [getattr(run, key) for run in runs]
     return spread([v if v is not None and np.isfinite(v) else None for v in values])
 
 
 def glance(runs: int) -> Part:
-    """Run every example with the settings printed, and with forgetting."""
+    """Run every example with the printed settings and with forgetting."""
     inputs = {(name, one.forgetting): one for name, case in EXAMPLES.items() for one in (case, forgetful(case))}
     dampings = {
         (f"3 from about {scale:g} m", 1.0): replace(as_printed("3"), initial_scale=scale) for scale in (LARGE, SMALL)
@@ -66,14 +66,14 @@ def glance(runs: int) -> Part:
         rows: list[list[Any]] = []
         for (name, forgetting), made in results.items():
             three = (name, forgetting) in dampings
-            good, found = _dampings(made) if three else (converged(made), _errors(made))
+            good, found = _dampings(made) if three else (share_converged(made), _errors(made))
             rows.append([name, forgetting, good, "" if three else found, found if three else ""])
         columns = ("example", "lambda", "share within 2 %", "error of input", "damping")
         table = Table(
-            "glance", "The examples, with the settings printed and with forgetting", columns, rows,
+            "glance", "The examples with the printed settings and with forgetting", columns, rows,
             {"lambda": "g", "share within 2 %": ".2f", "error of input": ".2g", "damping": ".4g"},
             note=f"{runs} runs each from random initial states and phases: median [5 %, 95 %] of the RMS over the last {LAST} samples in "
-            "shares of the input's amplitude, or damping (true: 5); share with its 95 % interval. Never: given up.",
+            "shares of the input's amplitude, or damping (true: 5); share with its 95 % interval. Never: run stopped after divergence.",
         )  # fmt: skip
         keys = ("equivalent_error", "state_error", "peak", "converged_at")
         more = [
@@ -88,38 +88,40 @@ def glance(runs: int) -> Part:
         details = Table(
             "details", "The same runs: equivalent input, states, transients", headings, more,
             dict(zip(headings[1:], ("g", ".2g", ".2g", ".3g", ".0f"), strict=True)),
-            note="States in shares of the RMS that the input gives them; peak of |u^|; within 2 % of the amplitude to the end, of the "
-            "equivalent input, RMS over 100 samples from there on.",
+            note="States in shares of their RMS under the input alone; peak of |u^|; last column: sample from which the RMS error over "
+            "100 samples, against the equivalent input, stays below 2 % of the amplitude to the end.",
         )  # fmt: skip
         return Section("At a glance", _GLANCE, [table, details])
 
     cases = {**inputs, **dampings}
-    return keyed({key: Trials(measured, (case,), runs) for key, case in cases.items()}, build)
+    return keyed_part({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)
 
 
-def _dampings(made: Sequence[Measured]) -> tuple[Interval, Any]:
+def _dampings(made: Sequence[RunMeasures]) -> tuple[Interval, Any]:
     good = sum(abs(m.damping - printed.DAMPING) < WITHIN * printed.DAMPING for m in made)
     return share(good, len(made)), _errors(made, "damping")
 
 
 _GLANCE = (
-    "The paper shows a figure of one run each and prints no number, no initial state, no duration and no lambda. Here the states start "
-    "at random (standard deviations 1 m and 1 m/s; the missile 1 g, 0.1 rad/s, 0.05 rad), the input at a random phase, the estimator at 0. "
-    "Durations: 1000 samples, 300 in example 3, 3000 in example 4. 'As printed' has lambda = 1; 'with forgetting' 0.99.",
-    "Where the model has the wrong damping (example 4) no u^ can make z vanish but the equivalent input: what would move the wrong "
-    "model's output as u moves the plant's, G(plant)/G(model) times u at that frequency. It is this that is reconstructed.",
+    "The paper shows one run of each example as a figure and prints no error, initial state, duration or lambda. Here the initial states "
+    "are random (standard deviations 1 m and 1 m/s; missile 1 g, 0.1 rad/s, 0.05 rad), and so is the phase of the input; the estimator "
+    "starts at 0. Durations: 1000 samples, 300 in example 3, 3000 in example 4. 'As printed' has lambda = 1, 'with forgetting' lambda = "
+    "0.99.",
+    "Where the model has the wrong damping (example 4), only the equivalent input makes z vanish: the input that moves the output of the "
+    "wrong model as u moves the output of the plant, G(plant)/G(model) times u at the input's frequency. The estimator reconstructs this "
+    "input.",
 )
 
 
 def regularization(runs: int) -> Part:
-    """Run example 1 with every way of keeping the optimum small."""
+    """Run example 1 with every regularization and saturation of the optimized input."""
     cases = {words: replace(as_printed("1"), **settings) for words, settings in _RULES}
 
     def build(results: Results) -> Section:
         rows = [
             [
                 words,
-                converged(made),
+                share_converged(made),
                 _errors(made),
                 _errors(made, "peak"),
                 share(sum(not np.isfinite(m.error) for m in made), len(made)),
@@ -128,24 +130,24 @@ def regularization(runs: int) -> Part:
         ]
         columns = ("eta", "share within 2 %", "error", "peak, amplitudes", "given up")
         table = Table(
-            "regularization", "Example 1: what keeps the optimum small", columns, rows,
+            "regularization", "Example 1: regularization of the optimum", columns, rows,
             dict(zip(columns[1:], (".2f", ".2g", ".3g", ".2f"), strict=True)),
-            note=f"{runs} runs each, as above. (C B)^2 = 0.25 is what eta is added to. Given up: |u^| beyond 1e9 amplitudes.",
+            note=f"{runs} runs each, as above. eta is added to (C B)^2 = 0.25. Given up: run stopped at |u^| beyond 1e9 amplitudes.",
         )  # fmt: skip
         return Section(
             "Example 1: the zero at -1",
             [
-                "The sampled rigid body has its zero at -1, on the unit circle: an input that alternates is hidden from the position. The "
-                "paper prints eta_0 = 0.01 and not which of its rules eta follows.",
+                "The sampled rigid body has its zero at -1, on the unit circle: an input of alternating sign does not appear in the "
+                "position. The paper prints eta_0 = 0.01, but not the rule for eta.",
             ],
             [table],
         )
 
-    return keyed({key: Trials(measured, (case,), runs) for key, case in cases.items()}, build)
+    return keyed_part({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)
 
 
 def damping(runs: int) -> Part:
-    """Run example 3 over initial covariance and size of the initial state, order, and period."""
+    """Run example 3 for several initial covariances, scales of the initial state, orders and periods."""
     base, cases = as_printed("3"), {}
     for covariance, scale in product((1.0, 1e-2, 1e-4), (LARGE, SMALL)):
         cases[f"P(0) = {covariance:g} I, from about {scale:g} m"] = replace(
@@ -165,25 +167,25 @@ def damping(runs: int) -> Part:
             rows.append([words, *_dampings(made), plants.damping_limit(cases[words].period_s)])
         columns = ("example 3", "share within 2 % of 5", "damping, N s/m", "in the limit")
         table = Table(
-            "damping", "Damping by (54), believed to be 3 at first", columns, rows,
+            "damping", "Damping by (54), initial value 3", columns, rows,
             {columns[1]: ".2f", columns[2]: ".4f", columns[3]: ".4f"},
             note=f"{runs} runs each; median over the last {LAST} samples of 30 s. The limit is computed from the two models: held inputs "
-            "of the model against a damping that acts all the time.",
+            "in the estimator's model, continuous damping in the plant.",
         )  # fmt: skip
         return Section(
             "Example 3: damping",
             [
-                "Multiplying all signals by s and P(0) by s^-2 changes nothing but the scale, so 'P(0) = I' means nothing without the size "
-                "of the initial state, which is not printed.",
+                "Multiplication of all signals by s and of P(0) by s^-2 changes the scale only, so 'P(0) = I' has no meaning without the "
+                "scale of the initial state, which the paper does not print.",
             ],
             [table],
         )
 
-    return keyed({key: Trials(measured, (case,), runs) for key, case in cases.items()}, build)
+    return keyed_part({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)
 
 
 def sensitivity(runs: int) -> Part:
-    """Run the examples over order and period, with forgetting."""
+    """Run the examples for several orders and periods, with forgetting."""
     names = ("1 rigid body", "2 damped rigid body", "4 oscillator, c_0 = 4", "5 missile")
     orders = {
         (order, name): replace(forgetful(EXAMPLES[name]), order=order, samples=min(EXAMPLES[name].samples, 2000))
@@ -198,9 +200,9 @@ def sensitivity(runs: int) -> Part:
     def build(results: Results) -> Section:
         rows = [[order, *(_errors(results[order, name], "equivalent_error") for name in names)] for order in ORDERS]
         one = Table(
-            "order", "Error against the equivalent input, by order of the feedback", ("n_c", *names), rows, dict.fromkeys(names, ".2g"),
+            "order", "Error against the equivalent input by order of the feedback", ("n_c", *names), rows, dict.fromkeys(names, ".2g"),
             note=f"{runs} runs each, lambda = 0.99, 1000 samples (example 4: 2000). A harmonic through a plant of order n needs n_c of "
-            "about n + 2: the harmonic's two, and n to keep the estimator stable.",
+            "about n + 2: two for the harmonic, n for a stable estimator.",
         )  # fmt: skip
         two_rows: list[list[Any]] = []
         for (name, period), case in periods.items():
@@ -213,18 +215,18 @@ def sensitivity(runs: int) -> Part:
                     period,
                     float(plant.markov(1)[0, 0, 0]),
                     zero,
-                    converged(made, "equivalent_error"),
+                    share_converged(made, "equivalent_error"),
                     _errors(made),
                 ]
             )
         columns = ("example", "T, s", "C B", "largest |zero|", "share within 2 %", "error")
         two = Table(
-            "period", "Step length", columns, two_rows, {"T, s": "g", "C B": ".3g", "largest |zero|": ".3f", "share within 2 %": ".2f"},
-            note="The input is 0.6 sin(0.2 k) per sample throughout. The missile's loop has zeros at -26.1 and +26.2 rad/s: the "
-            "acceleration of a tail-controlled missile at its c.g. starts the wrong way. Only sampled slowly is it minimum-phase, as the "
-            "paper has it.",
+            "period", "Sample period", columns, two_rows, {"T, s": "g", "C B": ".3g", "largest |zero|": ".3f", "share within 2 %": ".2f"},
+            note="The input is 0.6 sin(0.2 k) per sample throughout. The missile's loop has zeros at -26.1 and +26.2 rad/s: the initial "
+            "response of the acceleration at the c.g. of a tail-controlled missile has the wrong sign. The loop is minimum-phase, as the "
+            "paper states, only with slow sampling.",
         )  # fmt: skip
-        return Section("Order and step length", (), [one, two])
+        return Section("Order and sample period", (), [one, two])
 
     cases: dict[Any, Case] = {**orders, **periods}
-    return keyed({key: Trials(measured, (case,), runs) for key, case in cases.items()}, build)
+    return keyed_part({key: Trials(measure, (case,), runs) for key, case in cases.items()}, build)

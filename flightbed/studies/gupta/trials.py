@@ -1,4 +1,4 @@
-"""One run of an example: signals from a seed, reconstruction, and what it is measured by."""
+"""One run of an example: signals from a seed, reconstruction of the input, and error measures."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from flightbed.studies.gupta import plants, printed
 
 Array = npt.NDArray[np.float64]
 
-LAST = 100  # samples that errors are taken over, at the end
-WITHIN = 0.02  # of the input's amplitude: the error below which a run has converged
-FORGETTING = 0.99  # lambda of "with forgetting": the paper has lambda and prints none
-COVARIANCE_BOUND = 1e12  # only with forgetting; see RetrospectiveConfig
-_DIVERGED = 1e9  # times the amplitude: given up
-_RIGID_STD, _MISSILE_STD = (1.0, 1.0), (1.0, 0.1, 0.05)  # of the initial states: m, m/s; g, rad/s, rad
+LAST = 100  # samples at the end of a run over which errors are taken
+WITHIN = 0.02  # a run has converged if its error, as a share of the input's amplitude, is below this
+FORGETTING = 0.99  # lambda of "with forgetting"; the paper defines lambda and prints no value
+COVARIANCE_BOUND = 1e12  # with forgetting only; see RetrospectiveConfig
+_DIVERGED = 1e9  # |u^| in amplitudes at which a run is stopped
+_RIGID_STD, _MISSILE_STD = (1.0, 1.0), (1.0, 0.1, 0.05)  # initial states: m, m/s; g, rad/s, rad
 
 
 @dataclass(frozen=True)
 class Case:
-    """An example with its settings; the estimator always starts from x^ = 0.
+    """Settings of an example; the estimator starts from x^ = 0.
 
     Attributes:
         example: "1" ... "5".
-        believed: damping in the estimator's model, N s/m; None is the true one.
-        period_s: T_s.
-        samples: how long.
+        model_damping: damping in the estimator's model, N s/m; None for the true damping.
+        period_s: T_s, s.
+        samples: number of samples.
         order, initial_covariance, regularization, regularized_by, forgetting, saturation, delays, retained: as in RetrospectiveConfig.
-        initial_scale: of the initial states' standard deviations.
-        noise_share: standard deviation of the output's noise, of the RMS that the input alone gives the output.
+        initial_scale: factor on the standard deviations of the initial states.
+        noise_share: standard deviation of the output's noise, as a share of the output's RMS under the input alone.
 
     """
 
@@ -44,7 +44,7 @@ class Case:
     order: int
     initial_covariance: float
     regularization: float = 0.0
-    believed: float | None = None
+    model_damping: float | None = None
     regularized_by: Literal["constant", "performance", "error"] = "constant"
     forgetting: float = 1.0
     saturation: float = inf
@@ -54,58 +54,66 @@ class Case:
     noise_share: float = 0.0
 
 
-_CHOSEN_PERIOD_S = 0.2  # of example 5
+_CHOSEN_PERIOD_S = 0.2  # example 5
 _SAMPLES = {"1": 1000, "2": 1000, "3": 300, "4": 3000, "5": 1000}
 
 
-def as_printed(example: str, believed: float | None = None) -> Case:
-    """Return an example with the settings that are printed, and without forgetting."""
+def as_printed(example: str, model_damping: float | None = None) -> Case:
+    """Return an example with the printed settings, without forgetting.
+
+    Args:
+        example: "1" ... "5".
+        model_damping: damping of the estimator's model, N s/m, for example 4.
+
+    """
     p = printed.SETTINGS[example]
     if example == "3":
-        believed = printed.BELIEVED_3
+        model_damping = printed.MODEL_DAMPING_3
     period_s = p.period_s or _CHOSEN_PERIOD_S
-    return Case(example, period_s, _SAMPLES[example], p.order, p.initial_covariance, p.regularization, believed)
+    return Case(example, period_s, _SAMPLES[example], p.order, p.initial_covariance, p.regularization, model_damping)
 
 
 def forgetful(case: Case) -> Case:
-    """Return a case with forgetting."""
+    """Return the case with forgetting factor ``FORGETTING``."""
     return replace(case, forgetting=FORGETTING)
 
 
 EXAMPLES = {
     "1 rigid body": as_printed("1"),
     "2 damped rigid body": as_printed("2"),
-    "4 oscillator, c_0 = 4": as_printed("4", printed.BELIEVED_4[0]),
-    "4 oscillator, c_0 = 10": as_printed("4", printed.BELIEVED_4[1]),
+    "4 oscillator, c_0 = 4": as_printed("4", printed.MODEL_DAMPING_4[0]),
+    "4 oscillator, c_0 = 10": as_printed("4", printed.MODEL_DAMPING_4[1]),
     "5 missile": as_printed("5"),
 }
 
 
 def models(case: Case) -> tuple[InputModel, InputModel]:
-    """Return the plant and the model of the estimator."""
+    """Return the models of the plant and of the estimator."""
     if case.example == "5":
         return plants.missile(case.period_s), plants.missile(case.period_s)
     damping = 0.0 if case.example == "1" else printed.DAMPING
     stiffness = printed.STIFFNESS if case.example in ("3", "4") else 0.0
-    believed = damping if case.believed is None else case.believed
-    return plants.oscillator(damping, stiffness, case.period_s), plants.oscillator(believed, stiffness, case.period_s)
+    model_damping = damping if case.model_damping is None else case.model_damping
+    return plants.oscillator(damping, stiffness, case.period_s), plants.oscillator(
+        model_damping, stiffness, case.period_s
+    )
 
 
 def initial_std(case: Case) -> Array:
-    """Return the standard deviations of the initial states."""
+    """Return the standard deviations of the initial states, (n,)."""
     return case.initial_scale * np.array(_MISSILE_STD if case.example == "5" else _RIGID_STD)
 
 
 class Signals(NamedTuple):
-    """What a plant does.
+    """Simulated signals of a plant.
 
     Attributes:
-        input: (N,) u; of example 3 what the damping that is not believed comes to, (c_0 - c) q'.
-        equivalent: (N,) the input that moves the believed model's output as u moves the plant's, in the steady state; of example 3 the same
-            as ``input``, which is so for short periods only.
+        input: (N,) u; in example 3 the force (c_0 - c) q' of the damping error.
+        equivalent: (N,) steady-state input with which the estimator's model has the plant's output under u; in example 3 equal to
+            ``input``, an approximation for short periods.
         states: (N, n).
-        outputs: (N,) with noise.
-        noise_std: of that.
+        outputs: (N,) outputs with noise.
+        noise_std: standard deviation of the noise.
 
     """
 
@@ -117,9 +125,9 @@ class Signals(NamedTuple):
 
 
 def signals(seed: int, case: Case) -> Signals:
-    """Simulate a plant from a random initial state, with a random phase of the input and noise if the case has any."""
+    """Simulate the plant of a case from a random initial state, with a random phase of the input and the noise of the case."""
     rng = np.random.default_rng(seed)
-    plant, believed = models(case)
+    plant, model = models(case)
     x = rng.standard_normal(plant.states) * initial_std(case)
     phase = rng.uniform(0.0, 2.0 * pi)
     amplitude = 0.0 if case.example == "3" else printed.AMPLITUDE
@@ -132,18 +140,18 @@ def signals(seed: int, case: Case) -> Signals:
     std = case.noise_share * abs(gain) * amplitude / sqrt(2.0)
     outputs = states @ plant.C[0] + std * rng.standard_normal(case.samples)
     if case.example == "3":
-        assert case.believed is not None
-        missing = (case.believed - printed.DAMPING) * states[:, 1]
+        assert case.model_damping is not None
+        missing = (case.model_damping - printed.DAMPING) * states[:, 1]
         return Signals(missing, missing, states, outputs, std)
-    ratio = gain / plants.response(believed, printed.RAD_PER_SAMPLE)
+    ratio = gain / plants.response(model, printed.RAD_PER_SAMPLE)
     return Signals(u, amplitude * np.imag(ratio * np.exp(1j * angles)), states, outputs, std)
 
 
 class History(NamedTuple):
-    """A reconstruction; all of it nan from where it was given up.
+    """History of a reconstruction; nan after a run is stopped.
 
     Attributes:
-        signals: what was reconstructed from.
+        signals: signals of the plant.
         input: (N,) u^(k).
         states: (N, n) x^(k).
         performance: (N,) z(k).
@@ -160,7 +168,7 @@ class History(NamedTuple):
 
 def history(seed: int, case: Case) -> History:
     """Reconstruct the input of one run."""
-    given, (_, believed) = signals(seed, case), models(case)
+    given, (_, model) = signals(seed, case), models(case)
     config = RetrospectiveConfig(
         case.order,
         case.initial_covariance,
@@ -172,8 +180,8 @@ def history(seed: int, case: Case) -> History:
         forgetting=case.forgetting,
         covariance_bound=COVARIANCE_BOUND if case.forgetting < 1.0 else inf,
     )
-    estimator, N = RetrospectiveCost(config, believed), case.samples
-    u, z, states = (np.full(shape, np.nan) for shape in ((N,), (N,), (N, believed.states)))
+    estimator, N = RetrospectiveCost(config, model), case.samples
+    u, z, states = (np.full(shape, np.nan) for shape in ((N,), (N,), (N, model.states)))
     gains = np.full((N, 2 * case.order), np.nan)
     for k in range(N):
         found = estimator.update(given.outputs[k])
@@ -183,16 +191,16 @@ def history(seed: int, case: Case) -> History:
     return History(given, u, states, z, gains)
 
 
-class Measured(NamedTuple):
-    """What a run is judged by; errors are RMS over the last 100 samples, infinite if it was given up.
+class RunMeasures(NamedTuple):
+    """Measures of a run; errors are RMS over the last 100 samples, infinite if the run was stopped.
 
     Attributes:
-        error: of u^ against u, in shares of u's amplitude.
-        equivalent_error: against the equivalent input.
-        state_error: the largest of the states' errors, each in shares of the RMS that the input gives that state.
+        error: error of u^ against u, as a share of u's amplitude.
+        equivalent_error: error of u^ against the equivalent input, as a share of u's amplitude.
+        state_error: largest error of a state, each as a share of the state's RMS under the input alone.
         peak: largest |u^|, in amplitudes.
-        converged_at: sample from which on the error over the last 100 against the equivalent input stays below 2 %; None if never.
-        damping: (54), its median over the last 100 samples, N s/m; nan but in example 3.
+        converged_at: sample from which the error against the equivalent input over 100 samples stays below 2 %; None if never.
+        damping: median of (54) over the last 100 samples, N s/m; nan except in example 3.
 
     """
 
@@ -204,21 +212,21 @@ class Measured(NamedTuple):
     damping: float
 
 
-def measured(seed: int, case: Case) -> Measured:
-    """Reconstruct the input of one run and say how well."""
+def measure(seed: int, case: Case) -> RunMeasures:
+    """Reconstruct the input of one run and return its measures."""
     made = history(seed, case)
     given, found = made.signals, made.input
     if not np.all(np.isfinite(found)):
-        return Measured(inf, inf, inf, inf, None, inf)
+        return RunMeasures(inf, inf, inf, inf, None, inf)
     unit = printed.AMPLITUDE
     against = np.cumsum(np.insert(((found - given.equivalent) / unit) ** 2, 0, 0.0))
-    moving = np.sqrt(np.maximum(against[LAST:] - against[:-LAST], 0.0) / LAST)  # that of samples i ... i + 99
+    moving = np.sqrt(np.maximum(against[LAST:] - against[:-LAST], 0.0) / LAST)  # RMS over samples i ... i + 99
     outside = np.flatnonzero(moving >= WITHIN)
     first = 0 if outside.size == 0 else int(outside[-1]) + 1
     plant, _ = models(case)
     turn = np.exp(1j * printed.RAD_PER_SAMPLE) * np.eye(plant.states)
     usual = np.abs(np.linalg.solve(turn - plant.A, plant.B[:, 0])) * unit / sqrt(2.0)
-    return Measured(
+    return RunMeasures(
         _rms(found - given.input) / unit,
         _rms(found - given.equivalent) / unit,
         max(_rms(made.states[:, i] - given.states[:, i]) / usual[i] for i in range(plant.states)),
@@ -232,14 +240,14 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values[-LAST:] ** 2)))
 
 
-def damping_history(made: History, believed: float) -> Array:
+def damping_history(made: History, model_damping: float) -> Array:
     """Return c^(k) = (c_0 q'^ - u^) / q'^ of (54), N s/m; nan where the velocity is zero."""
     velocity = np.where(made.states[:, 1] == 0.0, np.nan, made.states[:, 1])
-    return believed - made.input / velocity
+    return model_damping - made.input / velocity
 
 
 def damping(made: History, case: Case) -> float:
-    """Return the median of (54) over the last 100 samples; nan but in example 3."""
-    if case.example != "3" or case.believed is None:
+    """Return the median of (54) over the last 100 samples, N s/m; nan except in example 3."""
+    if case.example != "3" or case.model_damping is None:
         return float("nan")
-    return float(np.median(damping_history(made, case.believed)[-LAST:]))
+    return float(np.median(damping_history(made, case.model_damping)[-LAST:]))

@@ -1,4 +1,4 @@
-"""Figures 3.1 to 3.34, 4.1 to 4.4, 5.3 to 5.13 and 7.1, from one draw (seed 0)."""
+"""Figures 3.1 to 3.34, 4.1 to 4.4, 5.3 to 5.13 and 7.1 of the thesis, from one draw (seed 0)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flightbed.studies.base import Part, Results, Trials
 from flightbed.studies.kemp import methods, plants, printed
 from flightbed.studies.kemp.adaptive import FIRST, PLACED, controllers
 from flightbed.studies.kemp.methods import PLID, RML
-from flightbed.studies.kemp.trials import F_SAMPLES, Controlled, control, plant_f, reference
+from flightbed.studies.kemp.trials import F_SAMPLES, LoopRun, control, plant_f, reference
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 _COLORS = (drawing.ACTUAL, drawing.COMMAND, drawing.REFERENCE, drawing.OTHER, drawing.FAILURE, drawing.TRUTH)
-_SHOWN = 3.5  # parameters further than this times the largest are beyond the frame
+_CLIP = 3.5  # estimates are clipped at this multiple of the largest parameter
 _RML_FIGURES = ((29, "A", 1), (30, "A", 2), (31, "C", 3), (32, "A", 5), (33, "A", 6), (34, "C", 7))
 
 
@@ -32,11 +32,11 @@ class Figure:
     """One figure of the thesis.
 
     Attributes:
-        number: his.
-        title: what it shows.
-        parameters: what was simulated, in words.
-        trials: the one run behind it.
-        draw: draws it, returns computed facts in words.
+        number: number in the thesis.
+        title: title without the number.
+        parameters: parameters of the run, as a sentence.
+        trials: the run to simulate.
+        draw: draws the result of the run and returns computed facts as sentences.
 
     """
 
@@ -48,14 +48,14 @@ class Figure:
 
 
 def history(seed: int, plant: str, r: float, q: float, samples: int, method: str) -> tuple[Array, Array]:
-    """Return estimates and truth at every sample, (samples, 2n) each."""
+    """Return estimated and true parameters at every sample, (samples, 2n) each."""
     record = plants.record(plant, r, q, samples, seed)
     return methods.estimates(methods.make(method, record.theta.shape[1] // 2, r, q), record), record.theta
 
 
 def figures() -> Part:
-    """Draw them all."""
-    wanted = [*_fixed_plants(), *_changing(), *_adaptive()]
+    """Draw all figures."""
+    wanted = [*_identification_figures(), *_tracking_figures(), *_adaptive_figures()]
 
     def build(results: Results) -> Section:
         pictures = []
@@ -70,9 +70,9 @@ def figures() -> Part:
         return Section(
             "Figures",
             [
-                "Every figure of chapters 3 to 5 and 7 that shows a simulation, from one draw (seed 0); those of the thesis are not "
-                "given. Thin horizontal lines are the true parameters. Two references of its text lead elsewhere than it means: 'Figure "
-                "3.7' for high process noise is 3.5, 'Figure 3.4' for the quickly attained bias 3.3.",
+                "Every figure of chapters 3 to 5 and 7 that shows a simulation, from one draw (seed 0); the thesis does not give its own "
+                "draws. Thin dashed lines are the true parameters. Two references in the text of the thesis are wrong: 'Figure 3.7' for "
+                "high process noise is Figure 3.5, and 'Figure 3.4' for the quickly attained bias is Figure 3.3.",
             ],
             pictures,
         )
@@ -80,7 +80,7 @@ def figures() -> Part:
     return Part([figure.trials for figure in wanted], build)
 
 
-def _fixed_plants() -> Iterator[Figure]:
+def _identification_figures() -> Iterator[Figure]:
     number = 0
     for plant in "ABCD":
         for case, (r, q) in printed.NOISES.items():
@@ -88,52 +88,52 @@ def _fixed_plants() -> Iterator[Figure]:
             samples = 121 if plant == "B" else printed.SAMPLES + 1
             yield Figure(
                 f"3.{number}", f"PLID, plant {plant}, case {case}", f"{printed.NOISE_WORDS[case].capitalize()}: r = {r:g}, q = {q:g}.",
-                Trials(history, (plant, r, q, samples, PLID), 1), _draw_identified,
+                Trials(history, (plant, r, q, samples, PLID), 1), _draw_identification,
             )  # fmt: skip
     for number, plant, case in _RML_FIGURES:
         r, q = printed.NOISES[case]
         yield Figure(
             f"3.{number}", f"RML, plant {plant}, case {case}", f"{printed.NOISE_WORDS[case].capitalize()}: r = {r:g}, q = {q:g}.",
-            Trials(history, (plant, r, q, printed.SAMPLES + 1, RML), 1), _draw_identified,
+            Trials(history, (plant, r, q, printed.SAMPLES + 1, RML), 1), _draw_identification,
         )  # fmt: skip
 
 
-def _changing() -> Iterator[Figure]:
+def _tracking_figures() -> Iterator[Figure]:
     for case, (r, q) in printed.E_CASES.items():
         plant = "E stepped" if case == 4 else "E"
-        noise = "as the thesis does not say" if case in (2, 3) else "no noise"
+        noise = "our choice of the variances, not given in the thesis" if case in (2, 3) else "no noise"
         yield Figure(
             f"4.{case}", f"tracking PLID, plant E, case {case}", f"Fade {printed.FADE:g}; r = {r:g}, q = {q:g}, {noise}.",
-            Trials(history, (plant, r, q, printed.E_SAMPLES + 1, methods.BLOCK), 1), _draw_identified,
+            Trials(history, (plant, r, q, printed.E_SAMPLES + 1, methods.BLOCK), 1), _draw_identification,
         )  # fmt: skip
     yield Figure(
         "7.1", "U-D form, plant E", f"Fade {printed.FADE:g}; as Figure 4.4.",
-        Trials(history, ("E stepped", 0.0, 0.0, printed.E_SAMPLES + 1, methods.UD_BLOCK), 1), _draw_identified,
+        Trials(history, ("E stepped", 0.0, 0.0, printed.E_SAMPLES + 1, methods.UD_BLOCK), 1), _draw_identification,
     )  # fmt: skip
 
 
-def _adaptive() -> Iterator[Figure]:
+def _adaptive_figures() -> Iterator[Figure]:
     number = 3
     for case, (r, q, filtered) in printed.ADAPTIVE.items():
-        loops, what = (
+        loops, words = (
             controllers(case),
             f"r = {r:g}, q = {q:g}, poles at {printed.POLE[case]:g}{', filtered output' * filtered}.",
         )
         adapted = Trials(control, (case, loops["adaptive"]), 1)
 
-        def draw_parameters(axes: Axes, run: Controlled, case: int = case) -> str:
+        def draw_parameters(axes: Axes, run: LoopRun, case: int = case) -> str:
             return _draw_parameters(axes, run.estimates, plant_f(case)[: len(run.output)], "sample")
 
-        def draw_output(axes: Axes, run: Controlled, case: int = case) -> str:
+        def draw_output(axes: Axes, run: LoopRun, case: int = case) -> str:
             return _draw_output(axes, run, case)
 
-        yield Figure(f"5.{number}", f"identified parameters, case {case}", what, adapted, draw_parameters)
-        yield Figure(f"5.{number + 1}", f"output under adaptive control, case {case}", what, adapted, draw_output)
+        yield Figure(f"5.{number}", f"identified parameters, case {case}", words, adapted, draw_parameters)
+        yield Figure(f"5.{number + 1}", f"output under adaptive control, case {case}", words, adapted, draw_output)
         number += 2
         if case == 1:
-            for letter, name, words in (("", PLACED, "right for the first plant"), ("b", FIRST, "those of the start")):
+            for letter, name, gains in (("", PLACED, "placed for the first plant"), ("b", FIRST, "of the start")):
                 yield Figure(
-                    f"5.5{letter}", "output with fixed gains, case 1", f"Gains {words}; the text allows both readings.",
+                    f"5.5{letter}", "output with fixed gains, case 1", f"Gains {gains}; the text of the thesis allows both readings.",
                     Trials(control, (case, loops[name]), 1), draw_output,
                 )  # fmt: skip
             number += 1
@@ -146,7 +146,7 @@ def _names(count: int) -> list[str]:
 
 def _draw_parameters(axes: Axes, found: Array, truth: Array, unit: str) -> str:
     k = np.arange(len(found), dtype=np.float64)
-    limit = _SHOWN * float(np.max(np.abs(truth)))
+    limit = _CLIP * float(np.max(np.abs(truth)))
     for j, name in enumerate(_names(found.shape[1])):
         drawing.line(axes, k, np.clip(found[:, j], -limit, limit), color=_COLORS[j], label=name)
         axes.plot(k, truth[:, j], color=_COLORS[j], linewidth=0.6, linestyle="--")
@@ -155,7 +155,7 @@ def _draw_parameters(axes: Axes, found: Array, truth: Array, unit: str) -> str:
     return f"Largest error at the last {unit}: {error[-1]:.2g}."
 
 
-def _draw_identified(axes: Axes, result: tuple[Array, Array]) -> str:
+def _draw_identification(axes: Axes, result: tuple[Array, Array]) -> str:
     found, truth = result
     last = _draw_parameters(axes, found, truth, "sample")
     error = np.max(np.abs(found - truth), axis=1)
@@ -164,11 +164,11 @@ def _draw_identified(axes: Axes, result: tuple[Array, Array]) -> str:
     return f"Largest error of a parameter {', '.join(f'{error[k]:.2g} at {k}' for k in at)}. {last}"
 
 
-def _draw_output(axes: Axes, run: Controlled, case: int) -> str:
+def _draw_output(axes: Axes, run: LoopRun, case: int) -> str:
     samples = len(run.output)
     k, wanted = np.arange(samples, dtype=np.float64), reference(F_SAMPLES)[:samples]
-    shown = 10.0 * np.ones(samples)
-    drawing.line(axes, k, np.clip(run.output, -shown, shown), color=drawing.ACTUAL, label="y (frame at +-10)")
+    bound = 10.0 * np.ones(samples)
+    drawing.line(axes, k, np.clip(run.output, -bound, bound), color=drawing.ACTUAL, label="y (frame at +-10)")
     drawing.line(axes, k, wanted, color=drawing.REFERENCE, label="r")
     for at in printed.F_CHANGES[case]:
         if at < samples:
@@ -179,4 +179,4 @@ def _draw_output(axes: Axes, run: Controlled, case: int) -> str:
         return f"Lost at sample {samples}."
     after = float(np.max(np.abs(run.output[change:])))
     end = "" if samples == F_SAMPLES else f" Lost at sample {samples}."
-    return f"Largest |y| {np.max(np.abs(run.output[:change])):.2f} before the first change, {after:.3g} after it.{end}"
+    return f"Largest |y| {np.max(np.abs(run.output[:change])):.2f} before the first change, {after:.3g} after the change.{end}"

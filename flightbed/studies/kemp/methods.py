@@ -1,4 +1,4 @@
-"""The identifiers that the study compares, by name, and what each says of a record."""
+"""Identifiers under comparison, by name, and their estimates over a record."""
 
 from __future__ import annotations
 
@@ -21,20 +21,22 @@ Array = npt.NDArray[np.float64]
 PLID, UD, RML, RLS = "PLID", "U-D", "RML", "RLS"
 SINGLE, UD_SINGLE = "PLID, single precision", "U-D, single precision"
 BLOCK, UD_BLOCK, WHOLE, FADING_RML = "block fade", "U-D, block fade", "whole fade", "fading RML"
-PSEUDONOISE, RESET, SLEEPY = "pseudonoise", "reset every 20", "reset of a small gain"
-FORGETTING = 0.98  # of the fading RML; the thesis does not say
-GAMMA, RESET_EVERY, RESET_BELOW = 1e-4, 20, 1e-2  # nor what was tried of these
+PSEUDONOISE, RESET, RESET_SMALL = "pseudonoise", "reset every 20", "reset of a small gain"
+# The thesis does not give the settings of the alternatives: forgetting factor of the fading RML; pseudonoise variance; reset period,
+# samples; norm of the gains below which the covariance is reset.
+FORGETTING = 0.98
+GAMMA, RESET_EVERY, RESET_BELOW = 1e-4, 20, 1e-2
 
 
 class Identifier(Protocol):
-    """What an identifier does."""
+    """Interface of an identifier of order n."""
 
     def update(self, y: float, u_before: float, /) -> None:
-        """Take the reading of the next sample, and the input before it."""
+        """Update the estimate with the reading at the next sample and the input one sample before it."""
 
     @property
     def parameters(self) -> Array:
-        """The estimate, (2n,)."""
+        """Estimate of a_0 .. a_(n-1), b_0 .. b_(n-1), (2n,)."""
 
 
 def _plid(
@@ -66,19 +68,19 @@ _MAKE: MappingProxyType[str, Callable[[int, float, float], Identifier]] = Mappin
         WHOLE: partial(_plid, tracking=Tracking(whole_fade=printed.FADE)),
         PSEUDONOISE: partial(_plid, tracking=Tracking(pseudonoise_var=GAMMA)),
         RESET: partial(_plid, tracking=Tracking(reset_every=RESET_EVERY)),
-        SLEEPY: partial(_plid, tracking=Tracking(reset_below=RESET_BELOW)),
+        RESET_SMALL: partial(_plid, tracking=Tracking(reset_below=RESET_BELOW)),
         FADING_RML: partial(_rml, forgetting=FORGETTING),
     }
 )
 
 
 def make(method: str, order: int, r: float, q: float) -> Identifier:
-    """Return an identifier that is told the variances of the noises (RML needs none), from zeros, eqs (3.5) and (3.15)."""
+    """Return an identifier with initial estimates of zero, eqs (3.5) and (3.15), and known noise variances r and q (unused by RML)."""
     return _MAKE[method](order, r, q)
 
 
 def estimates(identifier: Identifier, record: Record) -> Array:
-    """Return what an identifier says at every sample, (N, 2n)."""
+    """Update an identifier over a record and return its estimate at every sample, (N, 2n)."""
     found = np.empty_like(record.theta)
     u_before = 0.0
     for k, (y, u) in enumerate(zip(record.y.tolist(), record.u.tolist(), strict=True)):

@@ -1,4 +1,4 @@
-"""The plants of the thesis, fixed and changing, in observable-canonical form, and their responses."""
+"""Plants of the thesis, constant and time-varying, in observable-canonical form, and their responses."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Record:
-    """What happened: the true parameters that made y(k + 1), the input, the readings.
+    """Record of a simulation: true parameters, input and readings.
 
     Attributes:
-        theta: (N, 2n) a_0 .. a_(n-1), b_0 .. b_(n-1) at sample k.
+        theta: (N, 2n) a_0 .. a_(n-1), b_0 .. b_(n-1) at sample k, which determine y(k + 1).
         u: (N,) input at sample k.
         y: (N,) reading at sample k.
 
@@ -58,8 +58,8 @@ def parameters(plant: str) -> Array:
 def history(plant: str, samples: int) -> Array:
     """Return the parameters at every sample, (samples, 2n).
 
-    Plants: A to D and F; "E" as of Figures 4.1 to 4.3, which drifts from 50 to 100 and jumps at 150; "E stepped" as of Figures 4.4 and
-    7.1, which jumps at 50 to where the drift would lead.
+    Plants: A to D and F; "E" of Figures 4.1 to 4.3, which drifts from sample 50 to 100 and jumps at 150; "E stepped" of Figures 4.4 and
+    7.1, which jumps at 50 to the end of that drift, and at 150.
     """
     if not plant.startswith("E"):
         return np.tile(parameters(plant), (samples, 1))
@@ -82,7 +82,7 @@ def noise(rng: np.random.Generator, samples: int, order: int, r: float, q: float
 def record(plant: str, r: float, q: float, samples: int, seed: int) -> Record:
     """Return the response of a plant from rest to white noise of variance 1, eq (3.2).
 
-    One seed has the same input and, but for their size, the same noises in all cases. (samples) counts k = 0.
+    A seed gives the same input and, up to their standard deviations, the same noises in all cases. ``samples`` includes k = 0.
     """
     rng = np.random.default_rng(seed)
     u, theta = rng.standard_normal(samples), history(plant, samples)

@@ -1,4 +1,4 @@
-"""The study of Kemp (1987): pseudo-linear identification and adaptive control by it, on the plants of the thesis."""
+"""The study of Kemp (1987): pseudo-linear identification, and adaptive control based on it, on the plants of the thesis."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def parts(runs: int) -> Sequence[Part]:
     """Return all parts, in the order of the report.
 
     Args:
-        runs: draws of input and noises of each case.
+        runs: draws of input and noises per case.
 
     """
     return [identification(runs), tracking(runs), adaptive(runs), figures()]

@@ -1,4 +1,4 @@
-"""What is simulated: one run each, from a seed and plain arguments, for worker processes."""
+"""Simulations of single runs from a seed and plain arguments, for worker processes."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from flightbed.studies.kemp.plants import Record
 
 Array = npt.NDArray[np.float64]
 
-LOST = 1e12  # an output beyond it ends a closed loop
-ROUND_OFF = 1e-9  # errors below it are even
-SETTLED = 0.25  # share of |theta| within which an estimate has settled, of its own value at sample 150
+LOST = 1e12  # |output| at which a closed loop counts as lost and the run ends
+ROUND_OFF = 1e-9  # errors below this are treated as equal
+SETTLED = 0.25  # an estimate has settled within this share of |theta| around its value at sample 150
 
 
-class Identified(NamedTuple):
+class IdentificationRun(NamedTuple):
     """One run of an identifier on a plant with constant parameters.
 
     Attributes:
-        errors: (marks, 2n) estimate less truth at the samples that were asked for.
-        settled: sample from which the estimate stays near what it is at sample 150 (or the last).
-        left_stability: whether RML's C had to be drawn back into the unit circle.
-        largest_output: |y| at the marks.
+        errors: (marks, 2n) estimated less true parameters at the marks.
+        settled: sample from which the estimate stays near its value at sample 150 (or at the last mark, if earlier).
+        left_stability: whether C of RML had to be projected into the unit circle.
+        largest_output: (marks,) |y| at the marks.
 
     """
 
@@ -37,8 +37,17 @@ class Identified(NamedTuple):
     largest_output: Array
 
 
-def identify(seed: int, plant: str, case: int, method: str, marks: tuple[int, ...]) -> Identified:
-    """Identify one of the plants A to D in one of the noise cases, to the last of the marks."""
+def identify(seed: int, plant: str, case: int, method: str, marks: tuple[int, ...]) -> IdentificationRun:
+    """Identify a plant in a noise case, from rest to the last mark.
+
+    Args:
+        seed: seed of input and noises.
+        plant: ``"A"`` to ``"D"``.
+        case: 1 to 7, see ``printed.NOISES``.
+        method: name of the identifier, see ``methods``.
+        marks: samples at which the errors are returned, ascending.
+
+    """
     r, q = printed.NOISES[case]
     record = plants.record(plant, r, q, marks[-1] + 1, seed)
     identifier = methods.make(method, record.theta.shape[1] // 2, r, q)
@@ -47,18 +56,18 @@ def identify(seed: int, plant: str, case: int, method: str, marks: tuple[int, ..
     away = np.linalg.norm(shown - shown[-1], axis=1) > SETTLED * np.linalg.norm(record.theta[0])
     settled = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
     at = list(marks)
-    return Identified(
+    return IdentificationRun(
         found[at] - record.theta[at], settled, bool(getattr(identifier, "projections", 0)), np.abs(record.y[at])
     )
 
 
 class Deadbeat(NamedTuple):
-    """When a plant was identified without noise.
+    """Time of identification of a plant without noise.
 
     Attributes:
-        found: the sample with which the largest error of a parameter falls most, down to round-off.
-        observable: first sample at which the observability matrix (2.26) of the extended state has full rank.
-        error: of the parameters at that sample.
+        found: sample of the largest decrease, by factor, of the largest error of a parameter, errors limited below by ``ROUND_OFF``.
+        observable: first sample at which the observability matrix (2.26) of the extended state has full rank; -1 for never.
+        error: largest error of a parameter at ``observable``.
 
     """
 
@@ -71,9 +80,9 @@ def deadbeat(seed: int, order: int, idle: int) -> Deadbeat:
     """Identify a random minimal plant without noise.
 
     Args:
-        seed: of plant and input.
-        order: n.
-        idle: first samples, during which the input is 0.
+        seed: seed of plant and input.
+        order: order n of the plant.
+        idle: number of first samples with input 0.
 
     """
     rng = np.random.default_rng(seed)
@@ -95,8 +104,8 @@ _PRIME = 2**61 - 1
 def full_rank_at(record: Record) -> int:
     """Return the first k at which the observability matrix of the extended state, Kemp eqs (2.26), (2.27), has full rank; -1 for never.
 
-    Its entries are the numbers of the record, so the rank is found without round-off: by elimination modulo a large prime, which can
-    only be short of the rank, and that with a chance of about 1e-17.
+    The entries of the matrix are the numbers of the record. Elimination modulo a large prime gives the rank without round-off; it can only
+    underestimate the rank, with a probability of about 1e-17.
     """
     n = record.theta.shape[1] // 2
     y, u = ([_residue(value) for value in column.tolist()] for column in (record.y, record.u))
@@ -125,7 +134,7 @@ def _residue(value: float) -> int:
 
 
 def random_plant(rng: np.random.Generator, order: int) -> Array:
-    """Return parameters (2n,) of a minimal plant: poles within 0.9, no zero within 0.1 of a pole."""
+    """Return the parameters, (2n,), of a random minimal plant: |poles| below 0.9, every zero at least 0.1 from every pole."""
     while True:
         poles, zeros = _roots(rng, order), _roots(rng, order - 1)
         if order == 1 or np.min(np.abs(poles[:, None] - zeros)) > 0.1:
@@ -142,7 +151,7 @@ def _roots(rng: np.random.Generator, count: int) -> npt.NDArray[np.complex128]:
 
 
 def track(seed: int, plant: str, case: int, method: str) -> Array:
-    """Identify plant E; returns the largest error of a parameter at every sample."""
+    """Identify plant E and return the largest error of a parameter at every sample, (N,)."""
     r, q = printed.E_CASES[case]
     record = plants.record(plant, r, q, printed.E_SAMPLES + 1, seed)
     found = methods.estimates(methods.make(method, 3, r, q), record)
@@ -151,19 +160,19 @@ def track(seed: int, plant: str, case: int, method: str) -> Array:
 
 
 def difference(seed: int, plant: str, case: int) -> float:
-    """Identify plant E with PLID and U-D, both with the block fade; returns the largest difference of a parameter at any sample."""
+    """Identify plant E with PLID and U-D, both with the block fade, and return the largest difference of a parameter at any sample."""
     r, q = printed.E_CASES[case]
     record = plants.record(plant, r, q, printed.E_SAMPLES + 1, seed)
     plain, factored = (methods.estimates(methods.make(m, 3, r, q), record) for m in (methods.BLOCK, methods.UD_BLOCK))
     return float(np.max(np.abs(plain - factored)))
 
 
-class Precise(NamedTuple):
-    """A form of the filter in single precision against U-D in double precision.
+class PrecisionComparison(NamedTuple):
+    """Comparison of a form of the filter with U-D in double precision.
 
     Attributes:
         lost: first sample at which P has a negative eigenvalue; None for never.
-        difference: largest of the parameters' differences from U-D in double precision at the end.
+        difference: largest difference of a parameter from U-D in double precision at the last sample.
 
     """
 
@@ -171,8 +180,8 @@ class Precise(NamedTuple):
     difference: float
 
 
-def precise(seed: int, method: str, r: float, q: float, samples: int) -> Precise:
-    """Identify plant A in noises of variances r and q."""
+def compare_precision(seed: int, method: str, r: float, q: float, samples: int) -> PrecisionComparison:
+    """Identify plant A in noises of variances r and q with a form of the filter and with U-D in double precision, and compare."""
     record = plants.record("A", r, q, samples + 1, seed)
     form, reference = (methods.make(name, 3, r, q) for name in (method, methods.UD))
     assert isinstance(form, Plid)
@@ -183,20 +192,20 @@ def precise(seed: int, method: str, r: float, q: float, samples: int) -> Precise
         if lost is None and np.linalg.eigvalsh(form.covariance)[0] < 0.0:
             lost = k
         u_before = u
-    return Precise(lost, float(np.max(np.abs(form.parameters - reference.parameters))))
+    return PrecisionComparison(lost, float(np.max(np.abs(form.parameters - reference.parameters))))
 
 
 @dataclass(frozen=True)
 class Controller:
-    """How the loop around plant F is closed.
+    """Settings of the closed loop around plant F.
 
     Attributes:
-        adaptive: whether gains follow the estimates.
-        first: gains at the start; the only ones if not adaptive.
-        patience: of the law.
-        limit, learning: |input| in so many first samples.
-        fade: of the tracking PLID.
-        prior, prior_var: of the tracking PLID; a variance of 0 makes it an observer with fixed parameters.
+        adaptive: whether the gains follow the estimates.
+        first: gains (K, K_e) at the start; constant if not adaptive.
+        patience: ``patience`` of ``AckermannConfig``.
+        limit, learning: limit of |input| during the first ``learning`` samples.
+        fade: fade of the tracking PLID.
+        prior, prior_var: prior of the tracking PLID; with a variance of 0 for the parameters it is an observer with a fixed model.
 
     """
 
@@ -210,14 +219,14 @@ class Controller:
     prior_var: float | tuple[float, ...] = printed.PRIOR_VAR
 
 
-class Controlled(NamedTuple):
-    """One run of a closed loop; columns end where it was lost.
+class LoopRun(NamedTuple):
+    """History of one run of a closed loop over N samples; a lost loop ends at the loss.
 
     Attributes:
-        output: x_n, (N,).
-        input: (N,).
-        estimates: (N, 4).
-        gains: (N, 3).
+        output: (N,) noise-free output x_n.
+        input: (N,) input u.
+        estimates: (N, 4) estimates of a_0, a_1, b_0, b_1.
+        gains: (N, 3) gains (K, K_e).
 
     """
 
@@ -228,11 +237,12 @@ class Controlled(NamedTuple):
 
 
 F_SAMPLES = 400
-HALF_PERIOD = 50  # of the reference, 1 and 0 in turn: the thesis's sequence is not given in words or numbers
+# Samples of the reference at 1 and at 0 in turn; the thesis gives its sequence neither in words nor in numbers.
+HALF_PERIOD = 50
 
 
 def reference(samples: int) -> Array:
-    """Return r(k), (samples,)."""
+    """Return the reference r(k), (samples,)."""
     return np.where((np.arange(samples) // HALF_PERIOD) % 2 == 0, 1.0, 0.0)
 
 
@@ -244,8 +254,15 @@ def plant_f(case: int) -> Array:
     return theta
 
 
-def control(seed: int, case: int, controller: Controller) -> Controlled:
-    """Close the loop around plant F, Kemp S 5.4."""
+def control(seed: int, case: int, controller: Controller) -> LoopRun:
+    """Simulate the closed loop around plant F, Kemp S 5.4.
+
+    Args:
+        seed: seed of the noises.
+        case: 1 to 5, see ``printed.ADAPTIVE``.
+        controller: settings of the loop.
+
+    """
     r, q, filtered = printed.ADAPTIVE[case]
     theta, reference_ = plant_f(case), reference(F_SAMPLES)
     w, v = plants.noise(np.random.default_rng(seed), F_SAMPLES, 2, r, q)
@@ -261,7 +278,7 @@ def control(seed: int, case: int, controller: Controller) -> Controlled:
         tracking=Tracking(controller.fade),
     )
     plid, x, u = Plid(config), np.zeros(2), 0.0
-    out = Controlled(*(np.zeros((F_SAMPLES, *shape)) for shape in ((), (), (4,), (3,))))
+    out = LoopRun(*(np.zeros((F_SAMPLES, *shape)) for shape in ((), (), (4,), (3,))))
     for k in range(F_SAMPLES):
         y = float(x[1] + v[k])
         plid.update(y, u)
@@ -273,5 +290,5 @@ def control(seed: int, case: int, controller: Controller) -> Controlled:
         out.output[k], out.input[k], out.estimates[k], out.gains[k] = x[1], u, plid.parameters, law.gains
         plants.advance(x, theta[k], u, w[k])
         if not abs(x[1]) < LOST:
-            return Controlled(*(column[: k + 1] for column in out))
+            return LoopRun(*(column[: k + 1] for column in out))
     return out

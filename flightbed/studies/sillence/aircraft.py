@@ -14,7 +14,7 @@ from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job, histories
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.statistics import outcome, spread
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import plots, printed
 from flightbed.studies.sillence.plots import BASIC, TIME
 from flightbed.studies.sillence.setup import EXPANDING, WINDOW, estimator, thesis
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEDULED = "scheduled"
-# The thesis's condition, one that the aircraft can fly with either law: Mach number, amplitude, deg/s, and law.
+# The thesis's flight condition, and a condition that the F-16 can fly with either law: Mach number, amplitude, deg/s, and law.
 CONDITIONS = {
     "Mach 0.9, +-10 deg/s, P": (0.9, 10.0, "proportional"),
     "Mach 0.8, +-5 deg/s, P": (0.8, 5.0, "proportional"),
     "Mach 0.8, +-5 deg/s, PI": (0.8, 5.0, "proportional-integral"),
 }
-ORACLE = "true K"  # told by the scenario, for comparison
+ORACLE = "true K"  # correction by the true K of the scenario, for comparison
 ADAPTED = {"fixed": "", "thesis's window": WINDOW, "scheduled": SCHEDULED, ORACLE: ORACLE}
 GAINS = (1.0, *printed.GAINS_LEFT)  # 1: nothing fails
-FEW = 25  # flights of the shorter ensemble of histories
+FEW = 25  # flights of the smaller ensemble of histories
 
 _ESTIMATES = tuple(f"{name}.{c}" for name in (WINDOW, SCHEDULED) for c in ("effectiveness", "effectiveness_smoothed"))
 
@@ -44,13 +44,13 @@ def f16(
     base: str = "elevator-loss",
     **tables: Mapping[str, Any] | Sequence[Any],
 ) -> Scenario:
-    """Return a flight of the nonlinear F-16 with the thesis's filters and the scheduled one.
+    """Return a scenario of the nonlinear F-16 with the thesis's filters and the scheduled filter.
 
     Args:
-        left: K after the failure at 4.5 s; None leaves the failures of ``base``, or none if a table says so.
-        adapts: name of the estimator that the law is corrected by, or ``ORACLE``; empty for the fixed law.
-        base: shipped scenario that all else is from.
-        tables: further tables; keys replace those of the shipped one.
+        left: K after the failure at 4.5 s; None keeps the failures of ``base`` or of ``tables``.
+        adapts: name of the estimator that corrects the law, or ``ORACLE``; empty for the fixed law.
+        base: shipped scenario that supplies all other settings.
+        tables: further tables of the scenario; their keys replace those of ``base``.
 
     """
     raw = tomllib.loads(data.find("scenario", base).read_text(encoding="utf-8"))
@@ -77,7 +77,7 @@ def _at(condition: str, left: float, adapts: str) -> Scenario:
 
 
 def experiment(runs: int) -> Part:
-    """Fly the thesis's experiment on the aircraft."""
+    """Fly the thesis's experiment on the nonlinear F-16."""
     keys = list(product(CONDITIONS, GAINS, ADAPTED))
     jobs = {key: Job(_at(key[0], key[1], ADAPTED[key[2]]), runs, (*BASIC, *_ESTIMATES)) for key in keys}
 
@@ -85,23 +85,25 @@ def experiment(runs: int) -> Part:
         return Section(
             "(a) The full nonlinear aircraft",
             [
-                "The thesis's filters, prior and noise on JSBSim's F-16: six degrees of freedom, aerodynamics of Mach number and alpha, "
-                "an actuator with rate and position limits. Their model is the short period linearized at the trim point, and the law is "
-                "designed on it. Beside them flies the filter of this project: its model is a grid of local linear models that follows "
-                "Mach number and alpha, its input the absolute deflection, the prior of its window the readings.",
-                "What the linear study could not see: away from the trim point the short period is off by more than the elevator does, and "
-                "the thesis's filters put the difference into K, failure or not: their error is as large as K itself. With the scheduled "
-                "model K comes out within hundredths in both conditions.",
-                "To know K is not to keep the aircraft. In the thesis's own condition the intact aircraft departs in its commands of 10 "
-                "deg/s (K_1 = 1) with the fixed linear law, and a correction by the true K gives back the intact aircraft, no better "
-                "one. There the thesis's window, which is wrong, keeps it down to K_1 = 0.4: a K-hat near 0 makes the loop up to 1/0.08 "
-                "times as stiff; below that it goes sooner than with the true K. At Mach 0.8 and K_1 = 0.1 the elevator is at the end of "
-                "its reach, the P law loses the aircraft with the true K, and again the stiffer, wrong one stays.",
+                "The thesis's filters, prior and noise are applied to JSBSim's F-16: six degrees of freedom, aerodynamics that depend on "
+                "Mach number and alpha, an actuator with rate and position limits. The model of these filters is the short period "
+                "linearized at the trim point, and the law is designed on the same model. The scheduled filter of this project flies "
+                "beside them: its model is a grid of local linear models scheduled by Mach number and alpha, its input is the absolute "
+                "deflection, and the readings are the prior of its window.",
+                "The linear study cannot show one effect: away from the trim point the error of the short-period model exceeds the "
+                "moment of the elevator. The thesis's filters attribute this error to K, with a failure or without: the error of K-hat "
+                "is as large as K itself. With the scheduled model the error of K-hat is a few hundredths in both conditions.",
+                "An accurate K alone does not prevent departure. In the thesis's flight condition the intact aircraft (K_1 = 1) departs "
+                "under commands of 10 deg/s with the fixed linear law, and a correction by the true K only restores the intact aircraft. "
+                "In that condition the wrong K-hat of the thesis's window prevents departure down to K_1 = 0.4: a K-hat near 0 makes the "
+                "loop up to 1/0.08 times as stiff; at smaller K_1 the aircraft departs sooner than with the true K. At Mach 0.8 and K_1 "
+                "= 0.1 the elevator is at its position limit, the P law with the true K loses the aircraft, and the stiffer loop with "
+                "the wrong K-hat again keeps it.",
             ],
             [_tracking(flown), _estimates(flown), _picture(flown["Mach 0.8, +-5 deg/s, P", 0.2, "scheduled"][0])],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _tracking(flown: Mapping[tuple[str, float, str], list[Flown]]) -> Table:
@@ -116,8 +118,8 @@ def _tracking(flown: Mapping[tuple[str, float, str], list[Flown]]) -> Table:
     return Table(
         "aircraft_tracking", "F-16: tracking, RMS of q - q_ref, deg/s, or departure", columns, rows,
         {"K_1": "g"} | dict.fromkeys(columns[2:], ".2f"),
-        note=f"{_runs(flown)} flights each. RMS from 0.3 s after the failure to the end of the flights that stay, median [5 %, 95 %]; "
-        "gone: departed, alpha more than 25 deg from trim; none of 20 says fewer than 17 % with 95 % confidence.",
+        note=f"{_runs(flown)} flights each. RMS from 0.3 s after the failure to the end, over the flights without departure, median [5 %, "
+        "95 %]; gone: departure, alpha more than 25 deg from trim. No departure in 20 flights: fewer than 17 % with 95 % confidence.",
     )  # fmt: skip
 
 
@@ -136,9 +138,9 @@ def _estimates(flown: Mapping[tuple[str, float, str], list[Flown]]) -> Table:
     )  # fmt: skip
     formats = dict.fromkeys(columns[2:5], ".3f") | dict.fromkeys(columns[5:], ".2f") | {"K_1": "g"}
     return Table(
-        "aircraft_estimates", "F-16: estimates of K in the flights that the scheduled one adapts", columns, rows, formats,
-        note=f"{_runs(flown)} flights each, median [5 %, 95 %]. Error: |K-hat - K| from 0.3 s after the failure. The first entry into the "
-        "band says little of an estimate that swings through it.",
+        "aircraft_estimates", "F-16: estimates of K in the flights corrected by the scheduled filter", columns, rows, formats,
+        note=f"{_runs(flown)} flights each, median [5 %, 95 %]. Error: |K-hat - K| from 0.3 s after the failure. The time of first entry "
+        "into the band is no measure of accuracy for an estimate that oscillates through the band.",
     )  # fmt: skip
 
 
@@ -156,14 +158,14 @@ def _picture(flown: Flown) -> Picture:
         plots.gain(axes[1], flown, lines)
         drawn = drawing.distinct(svg(), "aircraft")
     return Picture(
-        "aircraft", "F-16: a flight adapted by the scheduled estimator, the thesis's window beside it", drawn,
+        "aircraft", "F-16: a flight corrected by the scheduled filter, and the thesis's window on the same flight", drawn,
         "Mach 0.8, 20,000 ft, doublets of +-5 deg/s, K_1 = 0.2, seed 0.",
         plots.error_words(flown, lines[0][0], lines[0][1]) + " " + plots.error_words(flown, lines[1][0], lines[1][1]),
     )  # fmt: skip
 
 
 def ensembles(runs: int) -> Part:
-    """Fly ensembles of the adaptive loop, linear and nonlinear; the same flights serve for the shorter one."""
+    """Fly ensembles of the adaptive loop, linear and nonlinear; the smaller ensemble is the first ``FEW`` flights of the larger."""
     linear = thesis(
         left=0.2, adapts=WINDOW, estimators=[estimator(WINDOW, bounds=(0.0, 1.0)), estimator(EXPANDING, "expanding")]
     )
@@ -183,14 +185,14 @@ def ensembles(runs: int) -> Part:
         return Section(
             f"(e) Mean and one-sigma histories of {min(FEW, runs)} and {runs} flights",
             [
-                "The adaptive loop over the noise: mean of the flights, and mean plus and minus one standard deviation, of the smoothed "
-                "K-hat and of the tracking error. What is left in the mean is no noise: it is the filters' bias, the law's lag, and what "
-                "a window that holds the failure says.",
+                "Adaptive loop: mean over the flights, and mean plus and minus one standard deviation over the noise draws, of the "
+                "smoothed K-hat and of the tracking error. The remaining mean error is systematic: bias of the filters, lag of the law, "
+                "and the error of windows that contain the failure.",
             ],
             pictures,
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _history(plant: str, name: str, flights: Sequence[Flown]) -> Picture:
@@ -216,11 +218,11 @@ def _history(plant: str, name: str, flights: Sequence[Flown]) -> Picture:
     aircraft = "linear short period, Mach 0.9" if plant == "linear" else "nonlinear F-16, Mach 0.8"
     return Picture(
         key, f"{len(flights)} flights of the {aircraft}", drawn,
-        f"K_1 = 0.2, adapted by the smoothed estimate of '{name}'; {_lost(flights)}.", "From 4.8 s on, " + "; ".join(words) + ".",
+        f"K_1 = 0.2, corrected by the smoothed estimate of '{name}'; {_departures(flights)}.", "From 4.8 s on, " + "; ".join(words) + ".",
     )  # fmt: skip
 
 
-def _lost(flights: Sequence[Flown]) -> str:
+def _departures(flights: Sequence[Flown]) -> str:
     gone = sum(f.metrics.departed for f in flights)
     return f"{gone or 'none'} of {len(flights)} departed"
 

@@ -1,4 +1,4 @@
-"""What the thesis argues from, each as a claim that the computation bears out or does not, with its interval."""
+"""Claims of the thesis, each judged by the 95 % interval of a computed quantity."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from flightbed.document import Claim, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
 from flightbed.statistics import median_interval, spread
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.judging import above, below
 from flightbed.studies.sillence import printed
-from flightbed.studies.sillence.measures import SETTLED_S, peak, rms_after, rms_before, tracking, within
+from flightbed.studies.sillence.measures import SETTLED_S, peak, rms_after, rms_before, share_within_two_sigma, tracking
 from flightbed.studies.sillence.plots import NOISES, TIME
 from flightbed.studies.sillence.setup import DEFAULT, EXPANDING, LAWS_READ, WINDOW, adaptive, estimator, thesis
 
-NEAR = 0.9  # share of what the failure costs in tracking that adaptation must win back to be "near" the flight without failure
-SIGNIFICANT = 0.05  # share of the tracking error that bounds must save for the improvement to be called significant
-REMOVED = 0.5  # share of the peak error after the failure that bounds must take for the hump to be called removed
+# Tracking is "near" that of the flight without failure if adaptation removes this share of the RMS error that the failure adds.
+NEAR = 0.9
+# Smallest relative reduction by the bounds: of the RMS tracking error to be "significant"; of the peak error for the hump to be
+# "removed".
+SIGNIFICANT, REMOVED = 0.05, 0.5
 SMALL, LARGE = "window-15", "window-60"
 _PI = "proportional-integral"
 _COLUMNS = (TIME, "q_deg_s", "q_ref_deg_s", "effectiveness_true", f"{WINDOW}.effectiveness_raw")
@@ -30,7 +32,7 @@ _Flights = Mapping[str, list[Flown]]
 
 
 def claims(runs: int) -> Part:
-    """Fly what the claims need, and judge them."""
+    """Fly the scenarios of the claims and judge the claims."""
     jobs = {name: Job(scenario, runs, _COLUMNS) for name, scenario in scenarios().items()}
     jobs["coverage"] = Job(_coverage_scenario(), runs, _coverage_columns())
 
@@ -38,23 +40,23 @@ def claims(runs: int) -> Part:
         return Section(
             "Claims",
             [
-                f"What the thesis argues from, over {runs} noise draws each. Intervals are of 95 %, of the median, between order "
-                "statistics; "
-                "differences are those of flights with the same noise. A claim holds if the whole interval lies on its side, "
-                "and does not if none of it does; else these draws do not settle it.",
-                "His adaptive law can be read in four ways. Figure 1 has the actuator's position in the sum that 1/K multiplies; with the "
-                "right K that loop is not the healthy one, while with the position behind the correction it is. And S 5.6 has the law "
-                "fed with the estimates of alpha and q, where the tables want no more than the readings. All four were flown. His figures "
-                "are drawn with the first, and with the position corrected too beside it.",
+                f"Claims of the thesis, {runs} noise draws each. Intervals: 95 %, of the median, between order statistics; differences "
+                "are between flights with the same noise. A claim holds if the whole interval meets its condition, and does not hold if "
+                "no part of the interval does; otherwise these draws do not settle it.",
+                "The adaptive law of the thesis can be read in four ways. In Figure 1, 1/K multiplies a sum that includes the actuator's "
+                "position; with the right K that loop differs from the healthy loop, whereas with the position fed back behind the "
+                "correction it equals the healthy loop. In S 5.6 the law is fed the estimates of alpha and q, whereas the tables need "
+                "the readings only. All four readings are flown. The thesis's figures are drawn here with position feedback behind the "
+                "correction and the estimates fed back; a second curve has the position feedback corrected too.",
             ],
-            [*judged(flown), _adaptation_table(flown), _coverage_table(flown["coverage"])],
+            [*judge(flown), _adaptation_table(flown), _coverage_table(flown["coverage"])],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def scenarios() -> dict[str, Scenario]:
-    """Return what the claims are judged by."""
+    """Return the scenarios of the claims, by name."""
     sizes = [
         estimator(WINDOW),
         estimator(EXPANDING, "expanding"),
@@ -92,8 +94,8 @@ def _coverage_columns() -> tuple[str, ...]:
     return (TIME, "effectiveness_true", *kept)
 
 
-def judged(flown: _Flights) -> Iterator[Claim]:
-    """Judge all claims by the flights of ``scenarios``."""
+def judge(flown: _Flights) -> Iterator[Claim]:
+    """Judge all claims, from the flights of ``scenarios`` by name, and of the coverage scenario under ``"coverage"``."""
     yield from _quicker(flown)
     yield from _larger_failure(flown)
     yield from _noise(flown)
@@ -117,7 +119,7 @@ def _quicker(flown: _Flights) -> Iterator[Claim]:
 
 
 def _sooner(flown: Flown, one: tuple[str, str], other: tuple[str, str]) -> float:
-    """Return a time less another, s; what never happened is infinitely late, and if neither did they are even."""
+    """Return the difference of two event times, s: an event that never happens counts as infinitely late; 0 if neither happens."""
     first, second = (getattr(flown.metrics.estimators[name], metric) for name, metric in (one, other))
     if first is None or second is None:
         return 0.0 if first == second else float("inf" if first is None else "-inf")
@@ -136,7 +138,7 @@ def _larger_failure(flown: _Flights) -> Iterator[Claim]:
         pairs = zip(flown[f"fixed {less:g}"], flown[f"fixed {more:g}"], strict=True)
         yield below(
             f"larger_better_{more:g}",
-            f"The larger the failure that the fixed law does not follow, the better K is estimated after it: {more:g} against {less:g}.",
+            f"With a fixed law, the larger the failure, the better K is estimated after it: {more:g} against {less:g}.",
             f"RMS error after the failure, K_1 = {more:g} less K_1 = {less:g}",
             [rms_after(b) - rms_after(a) for a, b in pairs],
         )
@@ -145,7 +147,7 @@ def _larger_failure(flown: _Flights) -> Iterator[Claim]:
         yield above(
             f"adaptation_costs_excitation_{feedback}_{fed}",
             f"Once adaptation has restored tracking, K is estimated worse than with the fixed law, K_1 = 0.2; {_law(feedback, fed)}.",
-            "RMS error after the failure, before the bounds, adapted less fixed",
+            "RMS error of the unbounded K-hat after the failure, adapted less fixed",
             [rms_after(adapted) - rms_after(fixed) for fixed, adapted in pairs],
         )
 
@@ -195,11 +197,11 @@ def _bounds(flown: _Flights) -> Iterator[Claim]:
     }
     for (words, span), left in product(spans.items(), (0.2, 0.1)):
         if span[0] < printed.FAILED_AT_S and left != 0.2:
-            continue  # before the failure the flights are the same
+            continue  # before the failure the flights are identical
         pairs = zip(flown[f"23 dB bounded {left:g}"], flown[f"23 dB unbounded {left:g}"], strict=True)
         yield below(
             f"bounded_{left:g}_{'pre' if span[0] < printed.FAILED_AT_S else 'post'}",
-            f"At 23 dB the adaptive law tracks better with K-hat kept within 0 and 1, {words}, K_1 = {left:g}.",
+            f"At 23 dB the adaptive law tracks better with K-hat bounded to 0 .. 1, {words}, K_1 = {left:g}.",
             "RMS of q - reference, bounded less unbounded, deg/s",
             [tracking(a, *span) - tracking(b, *span) for a, b in pairs],
         )
@@ -208,7 +210,7 @@ def _bounds(flown: _Flights) -> Iterator[Claim]:
         yield above(
             f"bounded_significant_{left:g}",
             f"... and the improvement is significant, at least {SIGNIFICANT:.0%} of the RMS, K_1 = {left:g}.",
-            "share of the RMS of q - reference from 0.3 s after the failure that the bounds save",
+            "relative reduction by the bounds of the RMS of q - reference, from 0.3 s after the failure",
             [1.0 - tracking(a, SETTLED_S) / tracking(b, SETTLED_S) for a, b in zip(bounded, unbounded, strict=True)],
             SIGNIFICANT,
         )
@@ -216,7 +218,7 @@ def _bounds(flown: _Flights) -> Iterator[Claim]:
             f"hump_removed_{left:g}",
             f"... and removes the hump of q just after the failure (Figs. 40, 41), at least {REMOVED:.0%} of the largest error, "
             f"K_1 = {left:g}.",
-            "share of the largest |q - reference| within 0.3 s after the failure that the bounds take",
+            "relative reduction by the bounds of the largest |q - reference| within 0.3 s after the failure",
             [1.0 - peak(a) / peak(b) for a, b in zip(bounded, unbounded, strict=True)],
             REMOVED,
         )
@@ -230,9 +232,8 @@ def _adaptation(flown: _Flights) -> Iterator[Claim]:
             regained.append((fixed - adapted) / (fixed - whole))
         yield above(
             f"adaptive_near_unfailed_{feedback}_{fed}",
-            f"Adaptation at K_1 = 0.2 brings tracking near that of the flight without failure, at least {NEAR:.0%} of the way; "
-            f"{_law(feedback, fed)}.",
-            f"share of the failure's cost in RMS of q - reference from {SETTLED_S:g} s on that is won back",
+            f"Adaptation at K_1 = 0.2 removes at least {NEAR:.0%} of the tracking error that the failure adds; {_law(feedback, fed)}.",
+            f"share removed of the increase by the failure in RMS of q - reference from {SETTLED_S:g} s on",
             regained,
             NEAR,
         )
@@ -269,23 +270,25 @@ def _adaptation_table(flown: _Flights) -> Table:
 def _coverage(flown: _Flights) -> Claim:
     return above(
         "two_sigma",
-        "Two sigma around the window's estimate hold the truth 95 % of the time (Fig. 34), windows that hold the failure left out.",
-        "share of the estimates within two sigma of the truth, K_1 = 0.6, this study's set-up",
-        [within(f, f"fixed-{DEFAULT.input_at}") for f in flown["coverage"]],
+        "The true K lies within two sigma of the window's estimate 95 % of the time (Fig. 34), windows that contain the failure "
+        "excluded.",
+        "share of the estimates within two sigma of the true K, K_1 = 0.6, this study's set-up",
+        [share_within_two_sigma(f, f"fixed-{DEFAULT.input_at}") for f in flown["coverage"]],
         0.95,
     )
 
 
 def _coverage_table(flights: Sequence[Flown]) -> Table:
     rows: list[list[Any]] = [
-        [words, *(median_interval([within(f, f"{prior}-{at}") for f in flights]) for at in _INPUTS)]
+        [words, *(median_interval([share_within_two_sigma(f, f"{prior}-{at}") for f in flights]) for at in _INPUTS)]
         for prior, words in _PRIORS.items()
     ]
     columns = ("the window's prior", *(f"u_k: {at}" for at in _INPUTS))
     return Table(
-        "coverage", "Share of the window's estimates within two sigma of the truth, K_1 = 0.6", columns, rows,
+        "coverage", "Share of the window's estimates within two sigma of the true K, K_1 = 0.6", columns, rows,
         dict.fromkeys(columns[1:], ".3f"),
-        note="Median over the flights, with its 95 % interval; windows that hold the failure, and the first, left out. 0.954 is honest. "
-        "It is u_k that decides: the deflection at one end of the sample is off from what acted over it by up to half a sample's motion, "
-        "which sigma does not know of. The prior, wrong on purpose, costs little.",
+        note="Median over the flights, with its 95 % interval; windows that contain the failure, and the first window, are excluded. A "
+        "consistent sigma gives 0.954. The choice of u_k dominates: the deflection at one end of the sample differs from the mean "
+        "deflection over the sample by up to half a sample's motion, and sigma does not include this error. The deliberately wrong prior "
+        "has little effect.",
     )  # fmt: skip

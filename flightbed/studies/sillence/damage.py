@@ -1,4 +1,4 @@
-"""Beyond the thesis, (c) and (d): damage that turns the control vector or moves the c.g.; process noise, turbulence, gusts."""
+"""Beyond the thesis, (c) and (d): damage that rotates the control vector or shifts the c.g.; process noise, turbulence, gusts."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from flightbed.document import Cell, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
 from flightbed.statistics import Spread, share, spread
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.aircraft import SCHEDULED, f16
 from flightbed.studies.sillence.setup import EXPANDING, WINDOW, estimator, thesis
 
 MATCHED = "window-matched"
 _AT = printed.FAILED_AT_S
-_SHARES = ((0.5, 1.0), (0.5, 0.5), (0.5, 0.0), (0.2, 1.0), (0.2, 0.2), (0.2, 0.0))  # of the elevator's moment and force
-_SHIFTS = (0.02, 0.05)  # of the c.g., aft, mean chords
+_SHARES = ((0.5, 1.0), (0.5, 0.5), (0.5, 0.0), (0.2, 1.0), (0.2, 0.2), (0.2, 0.0))  # moment and force left
+_SHIFTS = (0.02, 0.05)  # c.g. shift aft, mean chords
 _STORMS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "calm": {},
@@ -38,7 +38,7 @@ _SIMPLE = ("median error of K-hat", "entry into 20 %, s", "mean NEES")
 
 
 def structural(runs: int) -> Part:
-    """Fly damage that K alone does not describe."""
+    """Fly structural damage that K alone does not describe."""
     jobs: dict[tuple[str, str], Job] = {}
     for to, force in _SHARES:
         failure = [_structural(to, force)]
@@ -56,20 +56,20 @@ def structural(runs: int) -> Part:
         return Section(
             "(c) Structural damage",
             [
-                "The control vector b = (Z_delta, M_delta) may lose its two parts in different shares, as when a surface bends or loses "
-                "its tip, and the c.g. may move with what falls off. K of the filters scales both parts; the truth that they are held "
-                "against is the share of the moment, which is what the law is corrected by.",
-                "Turning b moves the estimate of the moment by thousandths: on the linear model and on the aircraft the elevator's force "
-                "is a small part of what moves alpha. But sigma does not know of it: with a fifth of the moment and all of the force "
-                "left the mean NEES on the aircraft is far from 1. A c.g. that moves is another matter: it changes C_m_alpha, which no K "
-                "describes, and the trim moment, which the scheduled model takes for a change of K. Five per cent of the chord on top of "
-                "the lost elevator is more than the law can hold.",
+                "Structural damage, such as a bent surface or a lost tip, may reduce the two components of the control vector b = "
+                "(Z_delta, M_delta) by different factors, and lost mass may shift the c.g. In the filters K scales both components; the "
+                "reference for their error is the remaining share of the moment, the quantity by which the law is corrected.",
+                "A rotation of b changes the estimate of the moment by thousandths: on the linear model and on the aircraft the "
+                "elevator's force is a small part of the alpha dynamics. Sigma does not include this error: with a fifth of the moment "
+                "and all of the force left, the mean NEES on the aircraft is far from 1. A c.g. shift is different: it changes "
+                "C_m_alpha, which no K describes, and the trim moment, which the scheduled model takes for a change of K. A shift of 5 % "
+                "of the chord together with the loss of the elevator exceeds the capability of the law.",
             ],
-            [_simple("structural_linear", "Linear model, fixed law: the thesis's filters", flown, "linear", (WINDOW, EXPANDING)),
-             _adapted("structural_f16", "F-16, adapted by the scheduled estimator", flown, "F-16")],
+            [_filter_table("structural_linear", "Linear model, fixed law: the thesis's filters", flown, "linear", (WINDOW, EXPANDING)),
+             _adaptive_table("structural_f16", "F-16, corrected by the scheduled filter", flown, "F-16")],
         )  # fmt: skip
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _structural(to: float, force: float) -> dict[str, Any]:
@@ -84,7 +84,7 @@ def disturbances(runs: int) -> Part:
     """Fly process noise on the linear model, turbulence and a gust on the aircraft."""
     jobs: dict[tuple[str, str], Job] = {}
     for alpha, q in _PROCESS:
-        jobs["linear", f"{alpha:g} deg/s, {q:g} deg/s^2"] = Job(_noisy(alpha, q), runs)
+        jobs["linear", f"{alpha:g} deg/s, {q:g} deg/s^2"] = Job(_process_noise(alpha, q), runs)
     for words, tables in _STORMS.items():
         jobs["F-16", words] = Job(f16(left=0.2, adapts=SCHEDULED, **tables), runs)
 
@@ -92,34 +92,34 @@ def disturbances(runs: int) -> Part:
         return Section(
             "(d) Process noise, turbulence and gusts",
             [
-                "The thesis's filters know of no process noise. Whatever shakes the aircraft they explain by K, and their sigma, which "
-                "is that of sensor noise alone, does not tell: the mean NEES, 1 for an honest sigma, says how far off it is. 'Matched' "
-                "is the same window, started from the readings, that is told how strong the process noise is: hardly better, and honest. "
-                "Where K stays after the failure, all the data since the start average the noise out, and the expanding filter's K-hat, "
-                "though sure of itself beyond measure, comes nearer than any window's.",
-                "On the aircraft nobody tells the filter. The scheduled one raises its process noise to what its readings show, and "
-                "where a window says little it holds on to its last estimate.",
+                "The thesis's filters assume no process noise. They attribute every disturbance to K, and their sigma covers sensor "
+                "noise only: the mean NEES, 1 for a consistent sigma, measures the inconsistency. 'Matched' is the same window with the "
+                "correct variance of the process noise and the readings as its prior: hardly more accurate, but consistent. Where K "
+                "stays constant after the failure, the expanding filter averages the noise over all data since the start; its K-hat is "
+                "more accurate than any window's, though its sigma is far too small.",
+                "On the aircraft no filter is given the strength of the disturbance. The scheduled filter raises its process noise to "
+                "the level that its readings show, and holds its last estimate where a window contains little information.",
             ],
-            [_simple("process_noise", "Linear model, K_1 = 0.2, fixed law", flown, "linear", (WINDOW, MATCHED, EXPANDING)),
-             _adapted("storms", "F-16, K_1 = 0.2, adapted by the scheduled estimator", flown, "F-16")],
+            [_filter_table("process_noise", "Linear model, K_1 = 0.2, fixed law", flown, "linear", (WINDOW, MATCHED, EXPANDING)),
+             _adaptive_table("storms", "F-16, K_1 = 0.2, corrected by the scheduled filter", flown, "F-16")],
         )  # fmt: skip
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
-def _noisy(alpha: float, q: float) -> Scenario:
-    told: dict[str, Any] = {
+def _process_noise(alpha: float, q: float) -> Scenario:
+    matched: dict[str, Any] = {
         "alpha_disturbance_deg_s": alpha,
         "q_disturbance_deg_s2": q,
         "input_at": "mean",
         "prior": {"state": "measurement"},
     }
-    filters = [estimator(WINDOW), estimator(EXPANDING, "expanding"), estimator(MATCHED, **told)]
+    filters = [estimator(WINDOW), estimator(EXPANDING, "expanding"), estimator(MATCHED, **matched)]
     noise = {"alpha_std_deg_s": alpha, "q_std_deg_s2": q}
     return thesis(left=0.2, law="proportional-integral", estimators=filters, process_noise=noise)
 
 
-def _figures(flights: Sequence[Flown], name: str) -> list[Spread]:
+def _error_cells(flights: Sequence[Flown], name: str) -> list[Spread]:
     metrics = [f.metrics.estimators[name] for f in flights]
     return [
         spread([getattr(m, key) for m in metrics])
@@ -127,11 +127,11 @@ def _figures(flights: Sequence[Flown], name: str) -> list[Spread]:
     ]
 
 
-def _simple(
+def _filter_table(
     key: str, title: str, flown: Mapping[tuple[str, str], list[Flown]], plant: str, names: Sequence[str]
 ) -> Table:
     rows: list[list[Cell]] = [
-        [words, name, *_figures(flights, name)]
+        [words, name, *_error_cells(flights, name)]
         for (which, words), flights in flown.items()
         if which == plant
         for name in names
@@ -140,13 +140,13 @@ def _simple(
     return Table(key, title, columns, rows, dict(zip(_SIMPLE, (".4f", ".2f", ".3g"), strict=True)), _note(flown))
 
 
-def _adapted(key: str, title: str, flown: Mapping[tuple[str, str], list[Flown]], plant: str) -> Table:
+def _adaptive_table(key: str, title: str, flown: Mapping[tuple[str, str], list[Flown]], plant: str) -> Table:
     rows: list[list[Cell]] = []
     for (which, words), flights in flown.items():
         if which == plant:
             thesis_window = spread([f.metrics.estimators[WINDOW].median_abs_error_post for f in flights])
             rows.append([
-                words, thesis_window, *_figures(flights, SCHEDULED), spread([f.metrics.tracking_rms_post_deg_s for f in flights]),
+                words, thesis_window, *_error_cells(flights, SCHEDULED), spread([f.metrics.tracking_rms_post_deg_s for f in flights]),
                 share(sum(f.metrics.departed for f in flights), len(flights)),
             ])  # fmt: skip
     columns = ("case", "median error, thesis's window", *_SIMPLE, "RMS of q - q_ref, deg/s", "departed")

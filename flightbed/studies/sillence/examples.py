@@ -1,4 +1,4 @@
-"""The thesis's methods at work on small examples: S 2.2 sinusoidal tests, S 2.4 correlated noise, S 4.4 the batch form."""
+"""Worked examples of the thesis's methods: S 2.2 sinusoidal tests, S 2.4 correlated noise, S 4.4 the batch form."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from flightbed.units import DEG
 
 Array = npt.NDArray[np.float64]
 
-_SECOND_ORDER = (2.0, 0.4)  # omega_n, rad/s, and zeta of the example
+_SECOND_ORDER = (2.0, 0.4)  # natural frequency omega_n, rad/s, and damping ratio zeta of the example
 _TESTS_RAD_S = (0.5, 4.0, 15.0)
-_A, _B, _STD, _SAMPLES = 0.9, 0.5, 0.5, 200  # y+ = a y + b u, noise of the readings, length of a record
+_A, _B, _STD, _SAMPLES = 0.9, 0.5, 0.5, 200  # y+ = a y + b u, standard deviation of the readings, length of a record
 _BATCH = 60  # samples of a flight
 
 
 def examples(runs: int) -> Part:
-    """Work the examples; the records of S 2.4 are as many as runs, that of S 4.4 is the first of a flight (seed 0)."""
+    """Return the worked examples: ``runs`` records for S 2.4; the first samples of one flight (seed 0) for S 4.4."""
     columns = ("alpha_meas_deg", "q_meas_deg_s", "elevator_mean_meas_deg")
     job = Job(thesis(left=0.4, at_s=0.0), 1, columns)
 
@@ -38,36 +38,37 @@ def examples(runs: int) -> Part:
         return Section(
             "Worked examples",
             [
-                "S 2.2: one sine test gives natural frequency and damping of a second-order system of unit gain; three give the six "
-                "parameters of a third-order one, here the closed loop of Table 3 from reference to pitch rate. The responses are "
-                "simulated exactly, in the steady state, and read at 100 Hz; they hold no noise.",
-                "S 2.4: a difference equation that is fed readings carries their noise into every row: its covariance R is banded. The "
-                "plain regression is biased, a towards 0, because the same noise stands in its regressors. With R it scatters less, and "
-                "nearly all of the bias goes too, which the thesis does not claim: whitened, what stands in the regressors is older "
-                "noise than that of the row. What is left is because R is made with the plain estimate of a.",
-                "S 4.4: the recursion over a record equals one regression for (x_0, K) to round-off, with process noise too, as long "
-                "as R~ is the full covariance. His diagonal one, eqs (76) and (77), is right without process noise only.",
+                "S 2.2: one sine test gives natural frequency and damping of a second-order system of unit gain; three sine tests give "
+                "the six parameters of a third-order system, here the closed loop of Table 3 from reference to pitch rate. The responses "
+                "are simulated exactly, in the steady state, sampled at 100 Hz and free of noise.",
+                "S 2.4: in a difference equation written in readings, the noise of each reading enters several rows, so the covariance R "
+                "of the residuals is banded. The plain regression is biased, a towards 0, because the same noise enters its regressors. "
+                "Weighting by R reduces the scatter and removes nearly all of the bias, which the thesis does not claim: after "
+                "whitening, the noise in the regressors is older than the noise of the row. A small bias remains because R is computed "
+                "from the plain estimate of a.",
+                "S 4.4: the recursion over a record equals one regression for (x_0, K) to round-off, also with process noise if R~ is "
+                "the full covariance. The diagonal R~ of the thesis, eqs (76) and (77), is right without process noise only.",
             ],
-            [_sines(), _correlated(runs), _batch(flights[0][0])],
+            [_sine_table(), _regression_table(runs), _batch_table(flights[0][0])],
         )
 
     return Part([job], build)
 
 
-class Tested(NamedTuple):
-    """What is known of a system and what the tests found."""
+class IdentifiedParameter(NamedTuple):
+    """A parameter of a known system: name with unit, true value, and the value identified from the sine tests."""
 
     name: str
     known: float
     found: float
 
 
-def sine_tests() -> list[Tested]:
-    """Identify the second-order example from one sine, the closed loop of Table 3 from three."""
+def sine_tests() -> list[IdentifiedParameter]:
+    """Identify the second-order example from one sine and the closed loop of Table 3 from three sines."""
     omega_n, zeta = _SECOND_ORDER
     A2 = np.array([[0.0, 1.0], [-(omega_n**2), -2.0 * zeta * omega_n]])
     found = second_order(3.0, _steady(A2, np.array([0.0, omega_n**2]), np.array([1.0, 0.0]), 3.0))
-    tested = [Tested("omega_n, rad/s", omega_n, found[0]), Tested("zeta", zeta, found[1])]
+    identified = [IdentifiedParameter("omega_n, rad/s", omega_n, found[0]), IdentifiedParameter("zeta", zeta, found[1])]
     settings = thesis().control.gains
     assert settings is not None
     design = load_linear_aircraft("sillence").design
@@ -77,21 +78,25 @@ def sine_tests() -> list[Tested]:
     H = transfer_function(np.array(_TESTS_RAD_S), responses, order=3)
     poles = np.sort_complex(np.roots(np.append(1.0, -H.a)))
     exact = np.sort_complex(np.linalg.eigvals(A3))
-    for i in (2, 1):  # the slow pole, one of the pair
+    for i in (2, 1):  # the slow pole, and one pole of the pair
         part = f"pole {2 - i + 1} of the closed loop"
-        tested.append(Tested(f"{part}, real, rad/s", float(exact[i].real), float(poles[i].real)))
+        identified.append(IdentifiedParameter(f"{part}, real, rad/s", float(exact[i].real), float(poles[i].real)))
         if exact[i].imag:
-            tested.append(Tested(f"{part}, imaginary, rad/s", float(exact[i].imag), float(poles[i].imag)))
+            identified.append(
+                IdentifiedParameter(f"{part}, imaginary, rad/s", float(exact[i].imag), float(poles[i].imag))
+            )
     gain = float((H.response(np.array([1e-6]))).real[0])
-    known = -float(np.array([0.0, 1.0, 0.0]) @ np.linalg.solve(A3, b3)) * gains.reference  # K_r as printed: not quite 1
-    tested.append(Tested("gain from reference to pitch rate", known, gain))
-    return tested
+    known = (
+        -float(np.array([0.0, 1.0, 0.0]) @ np.linalg.solve(A3, b3)) * gains.reference
+    )  # not quite 1, as K_r is rounded
+    identified.append(IdentifiedParameter("gain from reference to pitch rate", known, gain))
+    return identified
 
 
 def _steady(A: Array, b: Array, c: Array, omega_rad_s: float) -> complex:
-    """Return the phasor of the response to sin(w t), read from a simulation after its transient.
+    """Return the phasor of the response to sin(w t), from a simulation after its transient.
 
-    The sine is a pair of states of the simulation, which so is exact at its samples.
+    The sine is generated by two states of the simulation, so the response is exact at the samples.
     """
     n, dt = len(b), 0.01
     system = np.zeros((n + 2, n + 2))
@@ -109,7 +114,7 @@ def _steady(A: Array, b: Array, c: Array, omega_rad_s: float) -> complex:
     return phasor(omega_rad_s, t[settled], np.array(y)[settled])
 
 
-def _sines() -> Table:
+def _sine_table() -> Table:
     rows: list[list[Any]] = [[t.name, t.known, t.found, abs(t.found - t.known)] for t in sine_tests()]
     return Table(
         "sine_tests", "S 2.2: identification from sines", ("parameter", "known", "found", "difference"), rows,
@@ -121,7 +126,7 @@ def _sines() -> Table:
 def regressions(runs: int, seed: int = 0) -> tuple[Array, Array]:
     """Estimate (a, b) of y+ = a y + b u from noisy readings, by plain and by weighted regression; (runs, 2) each.
 
-    The weight's R is that of the plain estimate of a, its noise's deviation known.
+    R of the weighted regression is computed from the plain estimate of a and the known standard deviation of the readings.
     """
     rng = np.random.default_rng(seed)
     u = np.sign(np.sin(0.2 * np.arange(_SAMPLES)))
@@ -138,7 +143,7 @@ def regressions(runs: int, seed: int = 0) -> tuple[Array, Array]:
     return plain, weighted
 
 
-def _correlated(runs: int) -> Table:
+def _regression_table(runs: int) -> Table:
     rows: list[list[Any]] = []
     for name, found in zip(("R = sigma^2 I", "R of the readings"), regressions(runs), strict=True):
         for column, (letter, known) in enumerate((("a", _A), ("b", _B))):
@@ -159,8 +164,8 @@ def both_forms(z: Array, u: Array, process: tuple[float, float]) -> tuple[float,
 
     Args:
         z: (N, 2) readings of alpha, rad, and pitch rate, rad/s, from the second sample on.
-        u: (N,) deflection over the period before each, rad.
-        process: standard deviations of process noise that the filter assumes, alpha rate, rad/s, and pitch acceleration, rad/s^2.
+        u: (N,) mean deflection over the period before each reading, rad.
+        process: standard deviations of the process noise in the filter: alpha rate, rad/s, and pitch acceleration, rad/s^2.
 
     """
     discrete = load_linear_aircraft("sillence").design.discrete(100.0)
@@ -177,7 +182,7 @@ def both_forms(z: Array, u: Array, process: tuple[float, float]) -> tuple[float,
     return float(recursion.effectiveness[-1]), float(theta[2]), float(np.sqrt(recursion.P[-1][2, 2]))
 
 
-def _batch(flown: Flown) -> Table:
+def _batch_table(flown: Flown) -> Table:
     alpha, q, elevator = (flown.columns[c][: _BATCH + 1] * DEG for c in flown.columns)
     rows: list[list[Any]] = []
     for process in ((0.0, 0.0), (0.5 * DEG, 10.0 * DEG)):

@@ -1,4 +1,4 @@
-"""Beyond the thesis, (b): how other commands excite K, at equal energy, on the linear model and on the aircraft."""
+"""Beyond the thesis, (b): other commands of equal energy and the accuracy of K, on the linear model and on the aircraft."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
 from flightbed.statistics import spread
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence.aircraft import SCHEDULED, f16
 from flightbed.studies.sillence.plots import TIME
 from flightbed.studies.sillence.setup import estimator, thesis
@@ -23,8 +23,8 @@ from flightbed.studies.sillence.setup import estimator, thesis
 EXPANDING, WINDOW = "expanding", "window"
 PLANTS = MappingProxyType(
     {"linear": 10.0, "F-16": 5.0}
-)  # -> amplitude of the doublets whose energy the others get, deg/s
-# Of 13.5 s each, as the doublets; the step lasts to the end of the flight.
+)  # plant -> amplitude of the doublets, deg/s; the other inputs have the energy of these doublets
+# Duration 13.5 s, as the doublets; the step lasts to the end of the flight.
 INPUTS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "doublet": {"kind": "doublet"},
@@ -46,7 +46,7 @@ _Key = tuple[str, str, str]
 
 
 def excitation(runs: int) -> Part:
-    """Fly each input at equal energy, nothing failing, with an expanding and with a window filter."""
+    """Fly each input at equal energy, without failure, with an expanding filter and with a window filter."""
     jobs = {
         (plant, name, memory): Job(
             flight(plant, name, memory), runs, (TIME, "elevator_deg", f"{memory}.effectiveness_std", "effectiveness_bound")
@@ -58,19 +58,21 @@ def excitation(runs: int) -> Part:
         return Section(
             "(b) Other inputs",
             [
-                "The same energy of the commanded pitch rate, the integral of its square, in different forms, all through the prefilter "
-                "3/(s+3). Nothing fails; the law is fixed; the filters start from the readings, and the linear one's u is the mean over "
-                "the sample. The bound is Cramer and Rao's, of K along the flown trajectory, for an observer that knows nothing of state "
-                "and K beforehand: no filter beats it without bias. Times the square root of an energy it is the price of knowing K: the "
-                "error that one (deg/s)^2 s of command, or one deg^2 s of elevator, would leave.",
-                "What tells of K is the elevator, and its energy is not the command's: the prefilter takes what is fast, and the loop "
-                "answers to what is fast with more elevator per deg/s. On the linear model slow inputs tell most for their energy over "
-                "the whole flight, because the unstable motion that they leave is long and large; within a window of 0.3 s it is the "
-                "broad ones, chirp and multisine, that halve the doublets' sigma, since there is no quiet stretch in them.",
-                "On the aircraft the form hardly matters, and within a window no command is as good as any: the deflection that trims it "
-                "is there at every tick, and with the absolute input its lost moment tells of K. Over all data sigma is some times the "
-                "bound, because the scheduled filter takes process noise for granted, as it must; and the error is the model's as much "
-                "as the noise's, largest without any command, where a moment that the model has wrong all the time is taken for K.",
+                "All inputs have the same energy of the commanded pitch rate, the integral of its square, and pass the prefilter "
+                "3/(s+3). Nothing fails; the law is fixed; the readings are the prior of the filters, and u of the linear model is the "
+                "mean over the sample. The bound is the Cramer-Rao bound of K along the flown trajectory, for an observer without prior "
+                "information on state and K: no unbiased filter has a smaller sigma. The product of the bound and the square root of an "
+                "energy is a price of accuracy: the sigma for one (deg/s)^2 s of command, or for one deg^2 s of elevator.",
+                "Information on K comes from the elevator, and the elevator's energy differs from the command's: the prefilter "
+                "attenuates fast inputs, and the loop answers fast inputs with more elevator per deg/s. On the linear model slow inputs "
+                "give the most information for their energy over the whole flight, because the unstable motion that they excite is long "
+                "and large; within a window of 0.3 s the broadband inputs, chirp and multisine, halve the doublets' sigma, because they "
+                "have no quiet interval.",
+                "On the aircraft the form of the input hardly matters, and within a window no command is as informative as any command: "
+                "the trim deflection acts at every tick, and with the absolute input the loss of its moment shows K. Over all data sigma "
+                "is several times the bound, because the scheduled filter has to assume process noise; the error comes from the model as "
+                "much as from the noise, and is largest without any command, where a constant error of the modelled moment is attributed "
+                "to K.",
             ],
             [
                 *(_table(plant, flown) for plant in PLANTS),
@@ -78,11 +80,18 @@ def excitation(runs: int) -> Part:
             ],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def flight(plant: str, name: str, memory: str) -> Scenario:
-    """Return a flight without failure under an input of the doublets' energy, with one filter that runs along."""
+    """Return a scenario without failure, with an input of the doublets' energy and one filter that does not correct the law.
+
+    Args:
+        plant: key of ``PLANTS``.
+        name: key of ``INPUTS``.
+        memory: ``EXPANDING`` or ``WINDOW``.
+
+    """
     command = {**INPUTS[name], "amplitude_deg_s": amplitude(plant, name)}
     if plant == "linear":
         filters = [estimator(memory, memory, input_at="mean", prior={"state": "measurement"})]
@@ -96,13 +105,13 @@ def flight(plant: str, name: str, memory: str) -> Scenario:
 
 
 def amplitude(plant: str, name: str) -> float:
-    """Return the amplitude, deg/s, that gives an input the energy of the plant's doublets; 0 for none."""
+    """Return the amplitude, deg/s, at which an input has the energy of the plant's doublets; 0 for the input "none"."""
     doublets, own = (_energy_deg2_s(plant, which) for which in ("doublet", name))
     return PLANTS[plant] * float(np.sqrt(doublets / own)) if own else 0.0
 
 
 def _energy_deg2_s(plant: str, name: str) -> float:
-    """Energy of an input with the doublets' amplitude over the flight."""
+    """Return the energy, (deg/s)^2 s, over the flight of an input with the amplitude of the plant's doublets."""
     base = thesis(left=None, command={**INPUTS[name], "amplitude_deg_s": PLANTS[plant]})
     command = registry.factory("commands", base.command.kind)(base.command)
     hz = base.rates.control_hz
@@ -119,15 +128,15 @@ def _table(plant: str, flown: Mapping[_Key, Sequence[Flown]]) -> Table:
     for name in INPUTS:
         expanding, window = flown[plant, name, EXPANDING], flown[plant, name, WINDOW]
         given = 0.0 if name == "none" else _energy_deg2_s(plant, "doublet")
-        spent = float(np.median([_elevator_energy(f) for f in expanding]))
+        elevator_energy = float(np.median([_elevator_energy(f) for f in expanding]))
         bound = float(np.median([f.columns["effectiveness_bound"][-1] for f in expanding]))
         errors = [final - 1.0 for f in expanding if (final := f.metrics.estimators[EXPANDING].final) is not None]
         sigma = float(np.median([f.columns[f"{EXPANDING}.effectiveness_std"][-1] for f in expanding]))
         rows.append([
-            name, amplitude(plant, name), spent,
+            name, amplitude(plant, name), elevator_energy,
             sigma,
             float(np.sqrt(np.mean(np.square(errors)))), bound, *(1e3 * x * given**0.5 if given else None for x in (sigma, bound)),
-            *(1e3 * x * spent**0.5 for x in (sigma, bound)),
+            *(1e3 * x * elevator_energy**0.5 for x in (sigma, bound)),
             spread([_median_late(f, f"{WINDOW}.effectiveness_std") for f in window]),
             spread([_median_late(f, "effectiveness_bound") for f in window]),
         ])  # fmt: skip
@@ -140,9 +149,9 @@ def _table(plant: str, flown: Mapping[_Key, Sequence[Flown]]) -> Table:
     formats |= dict.fromkeys(columns[6:10], ".2f") | dict.fromkeys(columns[10:], ".3f")
     return Table(
         f"inputs_{plant.lower()}", f"Inputs of {_energy_deg2_s(plant, 'doublet'):.0f} (deg/s)^2 s, {plant}", columns, rows, formats,
-        note=f"{len(flown[plant, 'none', EXPANDING])} flights each: medians; RMS error of K-hat at the end over the flights. All data: an "
+        note=f"{len(flown[plant, 'none', EXPANDING])} flights each: medians; RMS error of K-hat at the end over the flights. All data: "
         "expanding filter at 16.5 s; window: 30 samples, median over the flight from 0.3 s on, median [5 %, 95 %] over the flights. The "
-        "step lasts 16.5 s, the others 13.5 s. None: what sensor noise, fed back by the law, tells of K.",
+        "step lasts 16.5 s, the other inputs 13.5 s. None: the information comes from sensor noise that the law feeds back.",
     )  # fmt: skip
 
 
@@ -157,8 +166,8 @@ def _picture(plant: str, flown: Mapping[_Key, Sequence[Flown]]) -> Picture:
         for name, (color, line) in _STYLES.items():
             columns = flown[plant, name, EXPANDING][0].columns
             t, bound = columns[TIME], columns["effectiveness_bound"]
-            told = np.isfinite(bound) & (t > 0.05)
-            axis.semilogy(t[told], bound[told], color=color, linestyle=line, label=name)
+            defined = np.isfinite(bound) & (t > 0.05)
+            axis.semilogy(t[defined], bound[defined], color=color, linestyle=line, label=name)
             below = np.flatnonzero(bound <= 0.01)
             reached.append(f"{name} {f'{t[below[0]]:.2f} s' if below.size else 'never'}")
         axis.set_ylabel("bound on sigma of K")
@@ -166,6 +175,6 @@ def _picture(plant: str, flown: Mapping[_Key, Sequence[Flown]]) -> Picture:
         drawing.legend(axis)
         drawn = drawing.distinct(svg(), key)
     return Picture(
-        key, f"What all data since the start can tell of K, {plant}", drawn, "Cramer-Rao bound, nothing fails, fixed law, seed 0.",
+        key, f"Cramer-Rao bound of K from all data since the start, {plant}", drawn, "Cramer-Rao bound, nothing fails, fixed law, seed 0.",
         f"Below 0.01 from: {', '.join(reached)}.",
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Beyond the thesis, (f) and (g): the loop in real time; straight and level flight, with dither and without."""
+"""Beyond the thesis, (f) and (g): the loop in real time; straight and level flight with and without dither."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flightbed.mission import run
 from flightbed.pacing import WallClock
 from flightbed.scenario import load_scenario
 from flightbed.statistics import share, spread
-from flightbed.studies.base import Flights, Part, keyed
+from flightbed.studies.base import Flights, Part, keyed_part
 from flightbed.studies.sillence import plots
 from flightbed.studies.sillence.plots import BASIC, TIME
 
@@ -35,13 +35,13 @@ _CASES: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
     }
 )
 _QUIET, _DITHERED = "no elevator at trim, no dither", "no elevator at trim, dither 0.5 deg/s"
-_HEARD = tuple(f"{n}.{c}" for n in (SCHEDULED, SHORT) for c in ("effectiveness", "effectiveness_smoothed"))
+_COLUMNS = tuple(f"{n}.{c}" for n in (SCHEDULED, SHORT) for c in ("effectiveness", "effectiveness_smoothed"))
 
 
 def level(runs: int) -> Part:
-    """Fly straight and level, with and without dither, where the trimmed elevator tells of K and where it does not."""
+    """Fly straight and level with and without dither, at a trim with and a trim without elevator deflection."""
     jobs = {
-        case: Job(load_scenario(name, overrides), runs, (*BASIC, "nz_g", *_HEARD))
+        case: Job(load_scenario(name, overrides), runs, (*BASIC, "nz_g", *_COLUMNS))
         for case, (name, overrides) in _CASES.items()
     }
 
@@ -49,18 +49,18 @@ def level(runs: int) -> Part:
         return Section(
             "(g) Straight and level",
             [
-                "In the thesis's form of the model, in deviations from trim, level flight holds nothing that K acts on: hence its call for "
-                "dither. The aircraft has more to tell. It is trimmed by a deflection, K scales all of it, and when K drops the nose "
-                "moves: with the absolute input K is found at once, without any dither. The deviation form, which holds that moment for "
-                "none of K's, "
-                "is wrong by as much as K itself there, dither or not.",
-                "Only where that deflection is near zero, here by a c.g. 5.7 % of the chord further aft, does the argument of the thesis "
-                "hold. There a dither of half a degree a second does it; the load factor that the pilot feels of it is in the table.",
+                "In the thesis's model, written in deviations from trim, the elevator has no effect in level flight, so K is not "
+                "observable: hence the thesis's call for dither. The trimmed aircraft gives more information. It is trimmed by a "
+                "deflection, K scales the whole deflection, and a drop of K pitches the aircraft: with the absolute input K is found at "
+                "once, without dither. The deviation form attributes none of that moment to K, and its error in level flight is as large "
+                "as K itself, with dither or without.",
+                "The thesis's argument holds only where the trim deflection is near zero, here by a c.g. 5.7 % of the chord further aft. "
+                "There a dither of 0.5 deg/s suffices; the table gives the load factor that the pilot feels.",
             ],
             [_table(flown), _picture(flown)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _table(flown: Mapping[str, list[Flown]]) -> Table:
@@ -70,7 +70,7 @@ def _table(flown: Mapping[str, list[Flown]]) -> Table:
             m = [f.metrics.estimators[name] for f in flights]
             rows.append([
                 case, word, spread([x.median_abs_error_post for x in m]), spread([x.first_within_20pct_smoothed_s for x in m]),
-                spread([x.std_pre for x in m]), spread([_felt(f) for f in flights]),
+                spread([x.std_pre for x in m]), spread([_load_factor_rms(f) for f in flights]),
                 share(sum(f.metrics.departed for f in flights), len(flights)),
             ])  # fmt: skip
     columns = (
@@ -83,14 +83,14 @@ def _table(flown: Mapping[str, list[Flown]]) -> Table:
         "departed",
     )
     return Table(
-        "level", "F-16 in level flight, K_1 = 0.2, adapted by the scheduled estimator", columns, rows,
+        "level", "F-16 in level flight, K_1 = 0.2, corrected by the scheduled filter", columns, rows,
         dict(zip(columns[2:], (".3f", ".2f", ".3f", ".4f", ".2f"), strict=True)),
         note=f"{len(next(iter(flown.values())))} flights each: median [5 %, 95 %]; departed: share with its 95 % interval. Scatter: "
         "standard deviation of K-hat before the failure; felt: RMS of n_z - 1 from 0.3 s to the failure.",
     )  # fmt: skip
 
 
-def _felt(flown: Flown) -> float:
+def _load_factor_rms(flown: Flown) -> float:
     t, nz = flown.columns[TIME], flown.columns["nz_g"]
     return float(np.sqrt(np.mean((nz[(t > 0.3) & (t < 4.5 - 1e-9)] - 1.0) ** 2)))
 
@@ -107,7 +107,7 @@ def _picture(flown: Mapping[str, list[Flown]]) -> Picture:
         drawn = drawing.distinct(svg(), "level")
     return Picture(
         "level",
-        "F-16 trimmed without elevator: K without and with dither",
+        "F-16 trimmed at zero elevator: K without and with dither",
         drawn,
         "K_1 = 0.2, seed 0.",
         " ".join(facts),
@@ -115,38 +115,44 @@ def _picture(flown: Mapping[str, list[Flown]]) -> Picture:
 
 
 def real_time(scenario: str = "elevator-loss", overrides: tuple[str, ...] = ()) -> Part:
-    """Fly once at the pace of the clock, when all else has been flown."""
+    """Fly one scenario in real time, after all other flights of the study.
+
+    Args:
+        scenario: name of a shipped scenario.
+        overrides: settings that replace those of the scenario, each ``key=value``.
+
+    """
 
     def build(_flights: Flights) -> Section:
         flown = run(load_scenario(scenario, overrides), pace=WallClock())
-        kept = flown.summary["realtime"]
+        timing = flown.summary["realtime"]
         return Section(
             "(f) Real time",
             [
-                "The same loop on the same aircraft, ticks released by the computer's monotonic clock at 100 Hz: `flightbed run "
-                f"{scenario} --realtime`. A tick is late if its work, recording included, is not done when the next is due; late ticks "
-                "are counted, and none is left out. The figures are this computer's, at the time of this report.",
+                "The same loop on the same aircraft, with ticks released by the computer's monotonic clock at 100 Hz: `flightbed run "
+                f"{scenario} --realtime`. A tick is late if its work, recording included, is unfinished when the next tick is due; late "
+                "ticks are counted, and no tick is skipped. The figures are those of this computer at the time of this report.",
             ],
-            [_kept(scenario, kept), _slack(flown.trace["t_s"], flown.trace)],
+            [_timing_table(scenario, timing), _timing_picture(flown.trace["t_s"], flown.trace)],
         )
 
     return Part([], build)
 
 
-def _kept(scenario: str, kept: Mapping[str, Any]) -> Table:
+def _timing_table(scenario: str, timing: Mapping[str, Any]) -> Table:
     rows: list[list[Cell]] = [
-        ["ticks", float(kept["ticks"])], ["late ticks", float(kept["late_ticks"])], ["worst overrun, ms", kept["worst_overrun_ms"]],
-        *([f"{name} {p}, ms", kept[key][p]] for key, name in (("jitter_ms", "begins late,"), ("compute_ms", "computes,"))
-          for p in kept[key]),
-        ["achieved, Hz", kept["achieved_hz"]],
+        ["ticks", float(timing["ticks"])], ["late ticks", float(timing["late_ticks"])], ["worst overrun, ms", timing["worst_overrun_ms"]],
+        *([f"{name} {p}, ms", timing[key][p]] for key, name in (("jitter_ms", "release delay,"), ("compute_ms", "computing time,"))
+          for p in timing[key]),
+        ["achieved, Hz", timing["achieved_hz"]],
     ]  # fmt: skip
-    return Table("real_time", f"{scenario} at the pace of the clock", ("quantity", "value"), rows, {"value": ".4g"})
+    return Table("real_time", f"{scenario} in real time", ("quantity", "value"), rows, {"value": ".4g"})
 
 
-def _slack(t: Any, trace: Any) -> Picture:
+def _timing_picture(t: Any, trace: Any) -> Picture:
     with drawing.canvas(1, height=2.0) as ((axis,), svg):
-        axis.plot(t, trace["compute_ms"], color=drawing.ACTUAL, linewidth=0.6, label="computing")
-        axis.plot(t, trace["release_late_ms"], color=drawing.COMMAND, linewidth=0.6, label="beginning late")
+        axis.plot(t, trace["compute_ms"], color=drawing.ACTUAL, linewidth=0.6, label="computing time")
+        axis.plot(t, trace["release_late_ms"], color=drawing.COMMAND, linewidth=0.6, label="release delay")
         axis.axhline(10.0, color=drawing.FAILURE, linestyle="--", label="period")
         axis.set_yscale("log")
         axis.set_ylim(1e-4, 30.0)
@@ -156,5 +162,5 @@ def _slack(t: Any, trace: Any) -> Picture:
         drawn = drawing.distinct(svg(), "real-time")
     busy = float(np.median(trace["compute_ms"]) / 10.0)
     return Picture(
-        "real-time", "Every tick's delay and computing time", drawn, "", f"Median load {busy:.1%} of the period."
+        "real-time", "Delay and computing time of each tick", drawn, "", f"Median load {busy:.1%} of the period."
     )

@@ -1,4 +1,4 @@
-"""What claims are judged by: tracking and estimation of one flight, over spans of it."""
+"""Measures of one flight for the judgement of claims: tracking errors and estimation errors over intervals of time."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.plots import TIME
 from flightbed.studies.sillence.setup import WINDOW
 
-SETTLED_S = printed.FAILED_AT_S + 0.3  # "after the failure" begins here, with and without one
+SETTLED_S = printed.FAILED_AT_S + 0.3  # start of "after the failure", also in flights without failure
 
 
 def tracking(flown: Flown, from_s: float, to_s: float = np.inf) -> float:
-    """Return the RMS of q - reference over a span, deg/s."""
+    """Return the RMS of q - reference from ``from_s`` to before ``to_s``, deg/s."""
     return float(np.sqrt(np.mean(_tracking_error(flown, from_s, to_s) ** 2)))
 
 
@@ -31,10 +31,10 @@ def _tracking_error(flown: Flown, from_s: float, to_s: float) -> Vector:
     return (c["q_deg_s"] - c["q_ref_deg_s"])[span]
 
 
-def within(flown: Flown, name: str) -> float:
-    """Return the share of an estimator's raw K-hat within two sigma of the truth.
+def share_within_two_sigma(flown: Flown, name: str) -> float:
+    """Return the share of an estimator's raw K-hat within two sigma of the true K.
 
-    Windows that hold the failure, and the first one, are left out.
+    Windows that contain the failure, and the first window, are excluded.
     """
     c, t = flown.columns, flown.columns[TIME]
     clean = (t > 0.3) & ~((t >= printed.FAILED_AT_S) & (t < SETTLED_S))
@@ -54,8 +54,8 @@ def rms_before(flown: Flown) -> float:
 
 def rms_after(flown: Flown) -> float:
     """Return the RMS error of the window's raw K-hat from 0.3 s after the failure."""
-    return float(np.sqrt(np.mean(_error(flown)[_settled(flown)] ** 2)))
+    return float(np.sqrt(np.mean(_error(flown)[_settled_samples(flown)] ** 2)))
 
 
-def _settled(flown: Flown) -> Any:
+def _settled_samples(flown: Flown) -> Any:
     return flown.columns[TIME] >= SETTLED_S - 1e-9

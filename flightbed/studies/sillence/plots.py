@@ -1,4 +1,4 @@
-"""Kinds of pictures that the thesis has: responses, estimates of K, tracking; each from the columns of a flight."""
+"""Plots of the kinds that the thesis shows, drawn from the columns of a flight: responses, estimates of K, tracking."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class Figure:
     """One figure of the thesis.
 
     Attributes:
-        number: his.
-        title: what it shows.
-        parameters: what was flown, in words.
-        scenarios: what has to be flown.
-        columns: of each flight.
-        rows: axes.
-        draw: draws on the axes, returns computed facts in words.
+        number: number in the thesis.
+        title: title without the number.
+        parameters: parameters of the flights, as a sentence.
+        scenarios: scenarios to fly, once each (seed 0).
+        columns: trace columns that the figure needs of each flight.
+        rows: number of axes, one above the other.
+        draw: draws on the axes and returns computed facts as sentences.
 
     """
 
@@ -53,13 +53,13 @@ class Figure:
 
 
 def noise_words(snr: str, *more: str) -> str:
-    """Return the parameters of a figure in words, ended by its noise: a row of Table 1."""
+    """Return the parameters of a figure as a sentence that ends with the noise of row ``snr`` of Table 1."""
     alpha, q = NOISES[snr]
     return "; ".join([*more, f"sigma_q {q:g} deg/s, sigma_alpha {alpha:g} deg, SNR {snr} dB"]) + "."
 
 
 def columns_of(estimator: str) -> tuple[str, ...]:
-    """Return the columns of an estimator that pictures use."""
+    """Return the trace columns of an estimator that the figures use."""
     return tuple(
         f"{estimator}.{c}"
         for c in (
@@ -76,7 +76,7 @@ def columns_of(estimator: str) -> tuple[str, ...]:
 def response(
     axes: Sequence[Axes], flown: Flown, *, failed_at_s: float | None = printed.FAILED_AT_S, label: str = "q"
 ) -> None:
-    """Draw pitch rate against its reference, and alpha if there is a second axis."""
+    """Draw pitch rate and reference, deg/s, on the first axis, and alpha, deg, on the second axis if present."""
     t = flown.columns[TIME]
     axes[0].plot(t, flown.columns["q_ref_deg_s"], color=drawing.REFERENCE, label="reference")
     axes[0].plot(t, flown.columns["q_deg_s"], color=drawing.ACTUAL, label=label)
@@ -91,13 +91,13 @@ def response(
 
 
 def gain(axes: Axes, flown: Flown, lines: Sequence[tuple[str, str, str]], *, band: float | None = None) -> None:
-    """Draw estimates of K and the truth.
+    """Draw estimates of K and the true K.
 
     Args:
-        axes: where.
+        axes: axes to draw on.
         flown: the flight.
-        lines: (column, label, colour) of each.
-        band: K_1 of which +-20 % are drawn.
+        lines: (column, label, colour) of each estimate.
+        band: K_1 of a band of +-20 % to draw; None draws no band.
 
     """
     t, truth = flown.columns[TIME], flown.columns["effectiveness_true"]
@@ -117,7 +117,7 @@ def gain(axes: Axes, flown: Flown, lines: Sequence[tuple[str, str, str]], *, ban
 
 
 def error_words(flown: Flown, column: str, name: str) -> str:
-    """Return in words how far an estimate is from the truth before and after the failure."""
+    """Return the RMS error of an estimate before and after the failure, as a sentence."""
     t = flown.columns[TIME]
     error = flown.columns[column] - flown.columns["effectiveness_true"]
     before = error[(t > 0.3) & (t < printed.FAILED_AT_S)]

@@ -1,15 +1,15 @@
-"""The numbers that Sillence (1999) prints, and his settings; nothing here is computed."""
+"""Numbers and settings printed in Sillence (1999); no value in this module is computed."""
 
 from __future__ import annotations
 
 from types import MappingProxyType
 
-GAINS_LEFT = (0.8, 0.6, 0.4, 0.2, 0.1)  # K after the failure, his K_1
+GAINS_LEFT = (0.8, 0.6, 0.4, 0.2, 0.1)  # K after the failure, K_1 in the thesis
 FAILED_AT_S = 4.5
 ALPHA_MAX_DEG, Q_MAX_DEG_S = 6.0, 11.0  # S 5.2, "about"
-Q_MAX_FITTED_DEG_S = 11.144  # not printed: with it, and the poles below, Table 1 has all its digits
-SNR_POLES = (-0.6737, 0.30691)  # as printed below eq (82); the plant's are +0.6737 and -3.0691
-SNR_DB = 37.227  # of most figures
+Q_MAX_FITTED_DEG_S = 11.144  # not printed: with this value and the poles below all digits of Table 1 are reproduced
+SNR_POLES = (-0.6737, 0.30691)  # as printed below eq (82); the poles of the plant are +0.6737 and -3.0691
+SNR_DB = 37.227  # in most figures
 
 # Table 1: (sigma_q deg/s, sigma_alpha deg, SNR dB as printed). The row of 40 dB prints 0.739 for sigma_alpha; 0.0739 gives its SNR.
 TABLE_1 = (
@@ -20,7 +20,7 @@ TABLE_1 = (
     (0.00739, 0.00739, "60"),
 )
 
-# Tables 2 (PI law) and 3 (P law): column -> eigenvalues, as printed.
+# Tables 2 (PI law) and 3 (P law): K -> eigenvalues, rad/s, as printed.
 OPEN_LOOP = ("0.6737", "-3.0691", "-20.0")
 TABLE_2 = MappingProxyType(
     {

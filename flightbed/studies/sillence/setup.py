@@ -1,4 +1,4 @@
-"""The thesis's experiment as scenarios, and the search for what the thesis does not say about it."""
+"""Scenarios of the thesis's experiment, and the search over the choices that the thesis leaves open."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.statistics import Interval, Vector
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import printed
 
 UNBOUNDED = (-1000.0, 1000.0)
 SEARCH_RUNS = 25
-FINAL_TOLERANCE, ENTRY_TOLERANCE_S = 0.01, 0.08  # of the medians, against the print: one unit of distance each
+FINAL_TOLERANCE, ENTRY_TOLERANCE_S = 0.01, 0.08  # one unit of distance: medians against printed values
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What the thesis leaves open.
+    """Choices that the thesis leaves open.
 
     Attributes:
-        input_at: which elevator deflection is u_k: its mean over the sample, or that at the sample's start or end.
-        start_s: when the first doublet starts.
-        first_reading: whether the reading at the sample to which the prior belongs corrects it ("used") or not ("left-out").
-        fed_back: what the law is fed: the readings, or the state of a filter, by its name.
+        input_at: deflection that serves as u_k: ``"mean"`` over the sample, or at the ``"start"`` or ``"end"`` of the sample.
+        start_s: start of the first doublet, s.
+        first_reading: ``"used"`` if the reading at the sample of the prior corrects the prior, else ``"left-out"``.
+        fed_back: input of the law: ``"readings"``, or the name of a filter whose state is fed back.
 
     """
 
@@ -42,7 +42,7 @@ class Setup:
     fed_back: str = "readings"
 
 
-DEFAULT = Setup()  # what ``search`` finds closest to the print
+DEFAULT = Setup()  # among the set-ups that ``search`` finds nearest to the print
 
 
 @cache
@@ -72,17 +72,17 @@ def thesis(
     setup: Setup = DEFAULT,
     **tables: Mapping[str, Any] | Sequence[Any],
 ) -> Scenario:
-    """Return a scenario of the thesis.
+    """Return a scenario of the thesis's experiment: the shipped scenario ``thesis-loss`` with changes.
 
     Args:
-        left: K after the failure; None for no failure but those of a table.
-        at_s: time of the failure.
+        left: K after the failure; None for no failure, or for those that ``tables`` gives.
+        at_s: time of the failure, s.
         law: name of the law.
-        adapts: name of the estimator that the law is corrected by; empty for the fixed law.
-        noise: standard deviations of alpha, deg, and pitch rate, deg/s.
-        estimators: settings; without, the thesis's two filters, unbounded.
-        setup: what the thesis leaves open.
-        tables: further tables of the scenario; keys replace those of the shipped one, lists the whole list.
+        adapts: name of the estimator that corrects the law; empty for the fixed law.
+        noise: standard deviations of the readings of alpha, deg, and pitch rate, deg/s.
+        estimators: settings of the estimators; if empty, the thesis's two filters, unbounded.
+        setup: choices that the thesis leaves open.
+        tables: further tables of the scenario; keys of a table replace those of ``thesis-loss``, a list replaces the whole list.
 
     """
     given = list(estimators) or [estimator(WINDOW, "window", setup), estimator(EXPANDING, "expanding", setup)]
@@ -99,8 +99,8 @@ def thesis(
     return load_scenario({**raw, "estimators": given})
 
 
-# How his adaptive law may be read: where the actuator's position is fed back (Fig. 1: into the sum that 1/K multiplies), and whether
-# alpha and q are the readings or, as S 5.6 says of the adaptive flights, the window's estimates. The first is this study's.
+# Readings of the thesis's adaptive law: where the actuator's position is fed back (Fig. 1: into the sum that 1/K multiplies), and
+# whether alpha and q are the readings or the window's estimates (S 5.6, adaptive flights). This study uses the first.
 LAWS_READ = tuple(product(("effective", "position"), (WINDOW, "readings")))
 
 
@@ -108,16 +108,16 @@ def adaptive(
     *, left: float = 0.2, snr: str = "37.227", bounded: bool = True, feedback: str = "effective", fed: str = WINDOW,
     law: str = "proportional-integral", smoothing: float = 0.9,
 ) -> Scenario:  # fmt: skip
-    """Return a flight whose law is corrected by the window's smoothed K-hat, in one reading of that law.
+    """Return a scenario whose law is corrected by the window's smoothed K-hat, in one reading of the thesis's adaptive law.
 
     Args:
         left: K after the failure.
-        snr: row of Table 1.
-        bounded: whether K-hat is kept within 0 and 1.
+        snr: SNR, dB, of a row of Table 1, as printed.
+        bounded: whether K-hat is bounded to 0 .. 1.
         feedback: ``"position"``: 1/K multiplies the position feedback too; ``"effective"``: K-hat times the position is fed back.
-        fed: ``"window"``: the law gets that filter's alpha and q; ``"readings"``.
+        fed: alpha and q of the law: ``"window"`` for that filter's estimates, or ``"readings"``.
         law: name of the law.
-        smoothing: of K-hat.
+        smoothing: smoothing factor of K-hat.
 
     """
     q_std, alpha_std = next((q, alpha) for q, alpha, text in printed.TABLE_1 if text == snr)
@@ -129,13 +129,14 @@ def adaptive(
     )  # fmt: skip
 
 
-class Trial(NamedTuple):
-    """A set-up and how far its medians are from the print.
+class Candidate(NamedTuple):
+    """A set-up and the distance of its medians from the print.
 
     Attributes:
-        values: (15, runs) finals, raw and smoothed entries, by K_1 in the order of the tables; inf for what never happened.
-        distance: root mean square of the 15 differences of Tables 4 and 5, in units of the tolerances.
-        largest: the largest of them.
+        setup: choices that the thesis leaves open.
+        values: (15, runs) final K-hat, raw and smoothed times of entry, s, by K_1 in the order of the tables; inf: no entry.
+        distance: root mean square of the 15 differences from Tables 4 and 5, in units of the tolerances.
+        largest: largest magnitude of these differences.
 
     """
 
@@ -148,17 +149,17 @@ class Trial(NamedTuple):
 _STARTS_S = (0.0, 0.01, 0.02, 0.05)
 _INPUTS = ("mean", "start", "end")
 _READINGS = ("left-out", "used")
-_RESAMPLES, _SEED = 400, 4  # of the noise draws, for intervals of differences of distance
+_RESAMPLES, _SEED = 400, 4  # bootstrap over the noise draws, for intervals of differences of distance
 
 
 def search() -> Part:
-    """Fly the set-ups that the thesis leaves open, and rank them."""
+    """Fly the set-ups that the thesis leaves open and rank them by their distance from the print."""
     jobs: dict[tuple[float, str, str, float], Job] = {}
     variants = list(product(_INPUTS, _READINGS))
     for left in printed.GAINS_LEFT:
-        for start_s in _STARTS_S:  # fed the readings, all filters run along on the same flight
+        for start_s in _STARTS_S:  # with the readings fed back, all filters share one flight
             filters = [estimator(f"{WINDOW}-{i}-{r}", WINDOW, Setup(i, start_s, r)) for i, r in variants]
-            # Of the expanding filter the prior's own reading is one in a thousand.
+            # The expanding filter uses a thousand readings: the reading at the prior's sample is negligible.
             filters += [estimator(f"{EXPANDING}-{i}", EXPANDING, Setup(i)) for i in _INPUTS]
             jobs[start_s, "", "readings", left] = Job(
                 thesis(left=left, estimators=filters, setup=Setup(start_s=start_s)), SEARCH_RUNS
@@ -167,27 +168,27 @@ def search() -> Part:
             jobs[0.0, input_at, fed, left] = Job(thesis(left=left, setup=Setup(input_at, fed_back=fed)), SEARCH_RUNS)
 
     def build(flown: Mapping[tuple[float, str, str, float], list[Flown]]) -> Section:
-        return _section(sorted(_trials(flown), key=lambda trial: trial.distance))
+        return _section(sorted(_candidates(flown), key=lambda candidate: candidate.distance))
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
-def _trials(flown: Mapping[tuple[float, str, str, float], list[Flown]]) -> Iterator[Trial]:
+def _candidates(flown: Mapping[tuple[float, str, str, float], list[Flown]]) -> Iterator[Candidate]:
     for start_s, input_at, reading in product(_STARTS_S, _INPUTS, _READINGS):
         groups = [flown[start_s, "", "readings", left] for left in printed.GAINS_LEFT]
-        yield _trial(
+        yield _candidate(
             Setup(input_at, start_s, reading), groups, f"{WINDOW}-{input_at}-{reading}", f"{EXPANDING}-{input_at}"
         )
     for input_at, fed in product(_INPUTS, (WINDOW, EXPANDING)):
         groups = [flown[0.0, input_at, fed, left] for left in printed.GAINS_LEFT]
-        yield _trial(Setup(input_at, fed_back=fed), groups, WINDOW, EXPANDING)
+        yield _candidate(Setup(input_at, fed_back=fed), groups, WINDOW, EXPANDING)
 
 
-def _trial(setup: Setup, groups: Sequence[list[Flown]], window: str, expanding: str) -> Trial:
+def _candidate(setup: Setup, groups: Sequence[list[Flown]], window: str, expanding: str) -> Candidate:
     kinds = ((expanding, "final"), (window, "first_within_20pct_s"), (window, "first_within_20pct_smoothed_s"))
     values = np.array([[_value(f, name, metric) for f in group] for name, metric in kinds for group in groups])
     off = distances(np.median(values, axis=1))
-    return Trial(setup, values, float(np.sqrt(np.mean(off**2))), float(np.max(np.abs(off))))
+    return Candidate(setup, values, float(np.sqrt(np.mean(off**2))), float(np.max(np.abs(off))))
 
 
 def _value(flown: Flown, name: str, metric: str) -> float:
@@ -199,7 +200,7 @@ def distances(medians: Vector) -> Vector:
     """Return the differences from Tables 4 and 5 in units of the tolerances.
 
     Args:
-        medians: (15, ...) finals, raw and smoothed entries, each by K_1 in the order of the tables.
+        medians: (15, ...) final K-hat, raw and smoothed times of entry, s, each by K_1 in the order of the tables.
 
     """
     wanted = [printed.TABLE_4[k][0] for k in printed.GAINS_LEFT]
@@ -210,17 +211,19 @@ def distances(medians: Vector) -> Vector:
     return off
 
 
-def further(trial: Trial, nearest: Trial) -> Interval:
-    """Return by how much a trial's distance is larger than another's, with its bootstrap interval over the noise draws that both share."""
-    draws = np.random.default_rng(_SEED).integers(trial.values.shape[1], size=(_RESAMPLES, trial.values.shape[1]))
+def distance_excess(candidate: Candidate, nearest: Candidate) -> Interval:
+    """Return the excess of a candidate's distance over the nearest's, with a 95 % bootstrap interval over the shared noise draws."""
+    draws = np.random.default_rng(_SEED).integers(
+        candidate.values.shape[1], size=(_RESAMPLES, candidate.values.shape[1])
+    )
     one, other = (
-        np.sqrt(np.mean(distances(np.median(t.values[:, draws], axis=2)) ** 2, axis=0)) for t in (trial, nearest)
+        np.sqrt(np.mean(distances(np.median(t.values[:, draws], axis=2)) ** 2, axis=0)) for t in (candidate, nearest)
     )
     low, high = np.percentile(one - other, [2.5, 97.5]).tolist()
-    return Interval(trial.distance - nearest.distance, low, high, trial.values.shape[1])
+    return Interval(candidate.distance - nearest.distance, low, high, candidate.values.shape[1])
 
 
-def _section(trials: Sequence[Trial]) -> Section:
+def _section(candidates: Sequence[Candidate]) -> Section:
     def text(values: Sequence[float] | Vector, spec: str) -> str:
         return "  ".join(format(value, spec) for value in values)
 
@@ -232,8 +235,8 @@ def _section(trials: Sequence[Trial]) -> Section:
         ["print", None, None, None, 0.0, None, 0.0, text([printed.TABLE_4[k][0] for k in printed.GAINS_LEFT], ".4f"),
          *(text([printed.TABLE_5[k][i] for k in printed.GAINS_LEFT], ".2f") for i in (0, 1))]
     ]  # fmt: skip
-    apart = [further(t, trials[0]) for t in trials]
-    for t, interval in zip(trials, apart, strict=True):
+    apart = [distance_excess(t, candidates[0]) for t in candidates]
+    for t, interval in zip(candidates, apart, strict=True):
         s, medians = t.setup, np.median(t.values, axis=1)
         rows.append(
             [s.input_at, s.start_s, s.first_reading, s.fed_back, t.distance, interval, t.largest, text(medians[:5], ".4f"),
@@ -245,16 +248,16 @@ def _section(trials: Sequence[Trial]) -> Section:
         note=f"Medians over {SEARCH_RUNS} noise draws. Distance: root mean square of the 15 differences of Tables 4 and 5 from the print, "
         f"in units of {FINAL_TOLERANCE} of K and {ENTRY_TOLERANCE_S} s; largest: the largest of them.",
     )  # fmt: skip
-    tied = [t.setup for t, interval in zip(trials, apart, strict=True) if interval.low <= 0.0]
-    kept = "it is among them" if DEFAULT in tied else "it is not"
+    nearest = [t.setup for t, interval in zip(candidates, apart, strict=True) if interval.low <= 0.0]
+    kept = "it is among them" if DEFAULT in nearest else "it is not"
     return Section(
         "What the thesis leaves open",
         [
-            "The text does not say which deflection is u_k within a sample, when exactly the first doublet starts, whether the reading at "
-            "the sample of the prior is used, and what the law is fed in the experiments with a fixed controller. Each choice below "
-            "was flown. How the smoother starts cannot matter: at the failure its start has a weight of 0.9^450, 3e-21.",
-            f"Nearest to the print, or not to be told from the nearest by these draws: {'; '.join(map(_words, tied))}. This study's set-up "
-            f"is: {_words(DEFAULT)}; {kept}.",
+            "The thesis does not specify the deflection within a sample that serves as u_k, the start of the first doublet, the use of "
+            "the reading at the sample of the prior, and the input of the law in the experiments with a fixed controller. Each choice "
+            "below was flown. The initial value of the smoother has no effect: its weight at the failure is 0.9^450 = 3e-21.",
+            f"Nearest to the print, or indistinguishable from the nearest with these draws: {'; '.join(map(_words, nearest))}. Set-up of "
+            f"this study: {_words(DEFAULT)}; {kept}.",
         ],
         [table],
     )

@@ -1,4 +1,4 @@
-"""The study of Sillence (1999): his tables and figures recomputed, his claims judged, his future work done."""
+"""The study of Sillence (1999): tables and figures recomputed, claims judged, the thesis's future work carried out."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from flightbed.studies.sillence.claims import claims
 from flightbed.studies.sillence.figures import figures
 
 RUNS = 100
-HISTORY = 5  # times as many flights as in other cases: 500 by default
-FEWER = 5  # the slower cases of the aircraft get this fraction of the flights
+HISTORY = 5  # flights of the histories, as a multiple of the other cases: 500 by default
+FEWER = 5  # the slower cases get 1/FEWER of the flights
 
 
 def sillence() -> Study:
-    """Loop-gain estimation (Sillence 1999, with Pachter): tables, figures, claims, and its future work, on line and on the aircraft."""
+    """Loop-gain estimation (Sillence 1999, with Pachter): tables, figures, claims and future work, on the linear model and the F-16."""
     return Study("sillence", "Sillence (1999), recomputed and carried on to the aircraft", RUNS, parts)
 
 
@@ -23,7 +23,7 @@ def parts(runs: int) -> Sequence[Part]:
     """Return all parts, in the order of the report.
 
     Args:
-        runs: flights of each case; the histories take five times as many, most cases beyond the thesis a fifth.
+        runs: flights per case; the histories have ``HISTORY`` times as many, most cases beyond the thesis 1/``FEWER``.
 
     """
     few = max(1, runs // FEWER)

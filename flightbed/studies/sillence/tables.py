@@ -16,7 +16,7 @@ from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.metrics import snr_db
 from flightbed.settings import GainSettings, Scenario
 from flightbed.statistics import rank, spread
-from flightbed.studies.base import Flights, Part, keyed
+from flightbed.studies.base import Flights, Part, keyed_part
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.setup import (
     ENTRY_TOLERANCE_S,
@@ -32,7 +32,7 @@ LAWS = ("proportional", "proportional-integral")
 
 
 def snr(alpha_std: float, q_std: float, q_max: float = printed.Q_MAX_FITTED_DEG_S) -> float:
-    """Return the signal-to-noise ratio as the thesis computed it: eq (82) with the poles that he prints, one of which is misprinted."""
+    """Return the signal-to-noise ratio, dB, by eq (82) with the misprinted poles of the thesis; alpha in deg, q in deg/s."""
     poles = np.array(printed.SNR_POLES, dtype=np.complex128)
     value = snr_db(alpha_max=printed.ALPHA_MAX_DEG, q_max=q_max, alpha_std=alpha_std, q_std=q_std, poles=poles)
     assert value is not None
@@ -40,7 +40,7 @@ def snr(alpha_std: float, q_std: float, q_max: float = printed.Q_MAX_FITTED_DEG_
 
 
 def table_1() -> Table:
-    """Signal-to-noise ratios, his eq (82)."""
+    """Return Table 1: signal-to-noise ratios by eq (82)."""
     poles = load_linear_aircraft("sillence").design.poles
     rows: list[list[Any]] = []
     off: list[float] = []
@@ -58,21 +58,20 @@ def table_1() -> Table:
         ("sigma_q, deg/s", "sigma_alpha, deg", "printed", "true poles", "printed poles, q_max 11",
          "printed poles, q_max 11.144", "same digits"),
         rows, {"true poles": ".3f", "printed poles, q_max 11": ".3f", "printed poles, q_max 11.144": ".3f"},
-        note="The weighting w = 1/sqrt|p1 p2| of the table is that of the poles as printed below eq (82), -0.6737 and 0.30691, a misprint "
-        "of +0.6737 and -3.0691 that so went into the computation: with the true poles (w = 0.695 s) no row comes out, and no signal could "
-        f"make them: they are off by {min(off):+.1f} to {max(off):+.1f} dB. His maxima are about 6 deg and 11 deg/s; 11.144 deg/s, "
-        "fitted to the "
-        "second row, gives all five. The row of 40 dB prints 0.739 for sigma_alpha; 0.0739 is meant.",
+        note="The weighting w = 1/sqrt|p1 p2| of the table follows from the poles as printed below eq (82), -0.6737 and 0.30691, a "
+        "misprint of +0.6737 and -3.0691 that entered the computation: with the true poles (w = 0.695 s) no row is reproduced, for any "
+        f"signal: the rows differ by {min(off):+.1f} to {max(off):+.1f} dB. The thesis's maxima are about 6 deg and 11 deg/s; 11.144 "
+        "deg/s, fitted to the second row, reproduces all five rows. The row of 40 dB prints 0.739 for sigma_alpha; 0.0739 is meant.",
     )  # fmt: skip
 
 
 def same_digits(value: float, text: str) -> bool:
-    """Tell whether a value rounds to a printed number."""
+    """Return whether a value rounds to a printed number."""
     return abs(value - float(text)) <= 0.5000001 * 10.0 ** -len(text.partition(".")[2])
 
 
 def eigenvalue_tables() -> list[Table]:
-    """Tables 2 and 3: eigenvalues of the open and of the closed loop."""
+    """Return Tables 2 and 3: eigenvalues of the open and of the closed loop, rad/s."""
     settings = thesis().control.gains
     assert settings is not None
     return [_eigenvalues(2, "PI", printed.TABLE_2, settings), _eigenvalues(3, "P", printed.TABLE_3, settings)]
@@ -105,7 +104,7 @@ def _complex(value: Any) -> str:
 
 
 def _same_complex(value: complex, text: str) -> bool:
-    """Tell whether real and imaginary part round to the digits printed for them."""
+    """Return whether real and imaginary part round to their printed digits."""
     sign_at = max(text.rfind("+"), text.rfind("-"))
     if not text.endswith("j"):
         return same_digits(value.real, text) and abs(value.imag) < 1e-9
@@ -113,7 +112,7 @@ def _same_complex(value: complex, text: str) -> bool:
 
 
 def flight(left: float, law: str = "proportional") -> Scenario:
-    """Return a flight of Tables 4 and 5, with the window smoothed by 0.7 besides."""
+    """Return a scenario of Tables 4 and 5, with the window smoothed by 0.7 as a third filter."""
     return thesis(
         left=left,
         law=law,
@@ -122,7 +121,7 @@ def flight(left: float, law: str = "proportional") -> Scenario:
 
 
 def estimation(runs: int) -> Part:
-    """Tables 4 and 5: how the fixed loop's K is found, over the noise."""
+    """Fly Tables 4 and 5: estimation of K with the fixed law, over the noise draws."""
     keys = list(product(LAWS, printed.GAINS_LEFT))
     jobs = [Job(flight(left, law), runs) for law, left in keys]
 
@@ -131,10 +130,10 @@ def estimation(runs: int) -> Part:
         return Section(
             "Tables",
             [
-                "Each printed number stands beside ours for one noise draw (seed 0; the thesis used one draw throughout, which is not "
-                f"given) and for {runs} draws: median [5 %, 95 %]. The rank is the share of the draws that lie below the print: near 0 or "
-                "1 the print lies outside what noise can do, and an undocumented choice or the computer of the time accounts for it.",
-                "His settling time is the first entry into the band of 20 % around K_1, not the last.",
+                "Each printed number stands beside ours for one noise draw (seed 0; the thesis used one unspecified draw throughout) and "
+                f"for {runs} draws: median [5 %, 95 %]. The rank is the share of the draws below the printed value: at a rank near 0 or 1 "
+                "the noise does not explain the difference, and the cause is an undocumented choice or the computer of the time.",
+                "The settling time of the thesis is the first entry into the band of 20 % around K_1, not the last.",
             ],
             [
                 table_1(),
@@ -151,7 +150,7 @@ def _rows(law: str, flown: Any, cells: Any) -> list[list[Any]]:
     return [[left, *cells(left, flown[law, left])] for left in printed.GAINS_LEFT]
 
 
-def _compared(values: Sequence[float | None], text: float) -> list[Any]:
+def _comparison(values: Sequence[float | None], text: float) -> list[Any]:
     return [text, values[0], spread(values), rank(values, text)]
 
 
@@ -165,7 +164,7 @@ def _table_4(law: str, flown: Any) -> Table:
         finals = _metric(flights, EXPANDING, "final")
         errors = [None if f is None else 100.0 * (f - left) / left for f in finals]
         return [
-            *_compared(finals, final), error, spread(errors), *_compared(_metric(flights, EXPANDING, "first_within_20pct_s"), settling)
+            *_comparison(finals, final), error, spread(errors), *_comparison(_metric(flights, EXPANDING, "first_within_20pct_s"), settling)
         ]  # fmt: skip
 
     return Table(
@@ -175,8 +174,8 @@ def _table_4(law: str, flown: Any) -> Table:
         _rows(law, flown, cells),
         {"K_1": "g", "final K-hat, printed": ".4f", "seed 0": ".4f", "all seeds": ".4f", "rank": ".2f", "error %, printed": ".2f",
          "error %, ours": ".2f", "t_s printed, s": ".2f", "t_s seed 0, s": ".2f", "t_s all seeds, s": ".2f", "t_s rank": ".2f"},
-        note="Where the curve of K-hat runs along the edge of the band, as for K_1 = 0.6 and 0.4, the moment of entry hangs on thousandths "
-        "of K-hat: there the settling times differ from the print most, and the finals hardly.",
+        note="Where K-hat runs along the edge of the band, as for K_1 = 0.6 and 0.4, the time of entry depends on thousandths of K-hat: "
+        "there the settling times differ most from the print, and the finals hardly.",
     )  # fmt: skip
 
 
@@ -184,8 +183,8 @@ def _table_5(law: str, flown: Any) -> Table:
     def cells(left: float, flights: Sequence[Flown]) -> list[Any]:
         raw, smoothed = printed.TABLE_5[left]
         return [
-            *_compared(_metric(flights, WINDOW, "first_within_20pct_s"), raw),
-            *_compared(_metric(flights, WINDOW, "first_within_20pct_smoothed_s"), smoothed),
+            *_comparison(_metric(flights, WINDOW, "first_within_20pct_s"), raw),
+            *_comparison(_metric(flights, WINDOW, "first_within_20pct_smoothed_s"), smoothed),
             spread(_metric(flights, FAST, "first_within_20pct_smoothed_s")),
         ]
 
@@ -208,17 +207,17 @@ def _table_5(law: str, flown: Any) -> Table:
 
 
 def glance(runs: int) -> Part:
-    """Put every printed number of the tables beside ours."""
+    """Compare every printed number of the tables with ours."""
     jobs = {left: Job(flight(left), runs) for left in printed.GAINS_LEFT}
 
     def build(flown: Mapping[float, list[Flown]]) -> Section:
         rows: list[list[Any]] = []
         for table in (table_1(), *eigenvalue_tables()):
             same = sum(row[-1] == "yes" for row in table.rows)
-            what = f"Table {table.key[-1]}, {'SNR' if table.key == 'table_1' else 'eigenvalues'}"
+            label = f"Table {table.key[-1]}, {'SNR' if table.key == 'table_1' else 'eigenvalues'}"
             rows.append(
                 [
-                    what,
+                    label,
                     f"{len(table.rows)} numbers",
                     f"{same} with all digits",
                     None,
@@ -230,7 +229,7 @@ def glance(runs: int) -> Part:
             ("Table 5, raw", WINDOW, "first_within_20pct_s", ENTRY_TOLERANCE_S),
             ("Table 5, smoothed", WINDOW, "first_within_20pct_smoothed_s", ENTRY_TOLERANCE_S),
         )
-        for column, (what, name, metric, tolerance) in enumerate(kinds):
+        for column, (label, name, metric, tolerance) in enumerate(kinds):
             for left, flights in flown.items():
                 text = printed.TABLE_4[left][0] if column == 0 else printed.TABLE_5[left][column - 1]
                 values = _metric(flights, name, metric)
@@ -238,14 +237,14 @@ def glance(runs: int) -> Part:
                 spec, unit = (".4f", "") if column == 0 else (".2f", " s")
                 near = "yes" if abs(found.median - text) <= tolerance else "no"
                 rows.append(
-                    [f"{what}, K_1 = {left:g}", format(text, spec) + unit, show(found, spec), rank(values, text), near]
+                    [f"{label}, K_1 = {left:g}", format(text, spec) + unit, show(found, spec), rank(values, text), near]
                 )
         table = Table(
             "glance", "Printed and computed", ("number", "printed", "ours", "rank", "agrees"), rows, {"rank": ".2f"},
-            note=f"Ours: median [5 %, 95 %] over {runs} noise draws, P law. Rank: share of the draws below the print; 0 and 1 say that "
-            f"noise alone does not make the difference. Agrees: all digits, or the median within {FINAL_TOLERANCE} of K, "
+            note=f"Ours: median [5 %, 95 %] over {runs} noise draws, P law. Rank: share of the draws below the printed value; at 0 or 1 "
+            f"noise alone does not explain the difference. Agrees: all digits, or the median within {FINAL_TOLERANCE} of K or "
             f"{ENTRY_TOLERANCE_S} s.",
         )  # fmt: skip
         return Section("At a glance", [], [table])
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)

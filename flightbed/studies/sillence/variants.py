@@ -1,4 +1,4 @@
-"""Everything that the thesis varies, crossed: law, SNR, bounds, smoothing; fixed and adaptive."""
+"""Full factorial of the thesis's variations: law, SNR, bounds, smoothing; fixed and adaptive."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
 from flightbed.statistics import spread
-from flightbed.studies.base import Part, keyed
+from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence.plots import NOISES
 from flightbed.studies.sillence.setup import UNBOUNDED, WINDOW, adaptive, estimator, thesis
 
@@ -20,10 +20,10 @@ _Key = tuple[str, str, bool, float]
 
 
 def grid(runs: int) -> Part:
-    """Fly the whole grid at K_1 = 0.2."""
+    """Fly all combinations at K_1 = 0.2."""
     jobs: dict[Any, Job] = {}
     for law, snr in product(LAWS, NOISES):
-        jobs[law, snr] = Job(_fixed(law, snr), runs)  # all four filters run along
+        jobs[law, snr] = Job(_fixed_scenario(law, snr), runs)  # all four filters share the flight
         for bounded, smoothing in _FILTERS:
             scenario = adaptive(snr=snr, bounded=bounded, law=LAWS[law], smoothing=smoothing)
             jobs[law, snr, bounded, smoothing] = Job(scenario, runs)
@@ -47,26 +47,26 @@ def grid(runs: int) -> Part:
         formats = {"smoothing": "g"} | dict(zip(columns[4:], (".2f", ".3f", ".4f", ".4f", ".2f"), strict=True))
         table = Table(
             "variants", "K_1 = 0.2: law, noise, bounds, smoothing; fixed and adaptive", columns, rows, formats,
-            note=f"{runs} flights each: median [5 %, 95 %], from 0.3 s after the failure; adapted with the position feedback behind the "
-            "1/K, the law fed the window's estimates.",
+            note=f"{runs} flights each: median [5 %, 95 %], from 0.3 s after the failure; adaptive law with the position feedback behind "
+            "the 1/K and the window's estimates fed back.",
         )  # fmt: skip
         return Section(
             "Variants",
             [
-                "P or PI makes no difference that shows; bounds matter at 23 dB only. Smoothing by 0.7 instead of 0.9 finds K sooner and "
-                "tracks better in every row; its estimate is the noisier one up to 40 dB and the nearer one beyond.",
+                "P and PI laws do not differ noticeably; bounds matter at 23 dB only. Smoothing by 0.7 instead of 0.9 finds K sooner and "
+                "tracks better in every row; its estimate has the larger RMS error up to 40 dB and the smaller one beyond.",
             ],
             [table],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _name(bounded: bool, smoothing: float) -> str:
     return f"{'bounded' if bounded else 'free'}-{smoothing * 10:.0f}"
 
 
-def _fixed(law: str, snr: str) -> Scenario:
+def _fixed_scenario(law: str, snr: str) -> Scenario:
     filters = [
         estimator(_name(bounded, smoothing), bounds=(0.0, 1.0) if bounded else UNBOUNDED, smoothing=smoothing)
         for bounded, smoothing in _FILTERS

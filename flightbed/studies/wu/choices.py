@@ -1,4 +1,4 @@
-"""What the paper leaves open, varied: how far the order of the filters rests on our choices."""
+"""Sensitivity of the order of the filters to the choices that the paper leaves open."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import numpy as np
 from flightbed.document import Section, Table
 from flightbed.estimation.two_stage import ConstantForgetting, Forgetting, VariableForgetting
 from flightbed.statistics import median_interval
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed
-from flightbed.studies.wu.measures import SETTLED_S, Measured, measure
+from flightbed.studies.wu.measures import SETTLED_S, RunMeasures, measure
 from flightbed.studies.wu.simulate import CONSTANT, EXTERNAL, FORGETTING, PERIOD_S, VARIABLE, Case, aircraft
 
 _Runs = Mapping[Any, list[Any]]
 
 
 def variants() -> dict[str, tuple[Case, Mapping[str, Forgetting]]]:
-    """Return the choices, one changed at a time: a case of example 1 without scenario, and the filters."""
+    """Return the variants, each with one choice changed, by name: a case of example 1 without scenario, and the filters by name."""
     ours = aircraft(None)
     found: dict[str, tuple[Case, Mapping[str, Forgetting]]] = {"ours": (ours, FORGETTING)}
     for external in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, -1.0), (5.0, 5.0)):
@@ -41,7 +41,7 @@ def variants() -> dict[str, tuple[Case, Mapping[str, Forgetting]]]:
 
 
 def _per_second(period_s: float) -> dict[str, Forgetting]:
-    """Return filters that forget as much in a second as ours do: lambda to the power of the periods' ratio, alpha_min times it."""
+    """Return filters with our forgetting per second at another period, s: lambda to the power of the ratio, alpha_min times the ratio."""
     ratio = period_s / PERIOD_S
     faded = ConstantForgetting(CONSTANT.factor**ratio)
     return {
@@ -52,7 +52,7 @@ def _per_second(period_s: float) -> dict[str, Forgetting]:
 
 
 def choices(runs: int) -> Part:
-    """Simulate all scenarios with other choices than ours, one at a time."""
+    """Simulate all scenarios with ``runs`` draws per variant."""
     jobs: dict[Any, Trials] = {}
     for name, (case, filters) in variants().items():
         for scenario, changes in printed.SCENARIOS.items():
@@ -68,16 +68,16 @@ def choices(runs: int) -> Part:
         return Section(
             "Choices",
             [
-                "The paper prints neither the sample period nor the external input, lambda, alpha_min and alpha_max; and what it prints of "
-                f"the prior, {printed.PRIOR_VARIANCE:g} I, its S 2 calls small. Ours: {ours}. Here each is changed alone.",
+                "The paper prints no sample period, external input, lambda, alpha_min and alpha_max; it prints the prior as "
+                f"{printed.PRIOR_VARIANCE:g} I, but S 2 calls the prior small. Ours: {ours}. Each choice is changed alone.",
                 "Variable factors are the best of the three unless alpha_min, which they add at every sample, is large for the period: "
-                "0.01 at 0.1 s, 0.001 at 0.02 s. That the constant factor is better than none needs a factor that fits, and inputs "
+                "0.01 at 0.1 s, 0.001 at 0.02 s. The constant factor is better than none only with a suitable factor, and with inputs "
                 "that are neither absent nor far above the noise.",
             ],
             [_table(found, runs)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _table(found: _Runs, runs: int) -> Table:
@@ -91,18 +91,20 @@ def _table(found: _Runs, runs: int) -> Table:
             )
             for which in FORGETTING
         }
-        orders = [_holds(found, name, worse, better) for worse, better in (*pairwise(FORGETTING), ("none", "variable"))]
+        orders = [
+            _order_counts(found, name, worse, better) for worse, better in (*pairwise(FORGETTING), ("none", "variable"))
+        ]
         rows.append([name, *medians.values(), *orders])
     columns = ("choice", *FORGETTING, "constant < none", "variable < constant", "variable < none")
     return Table(
         "choices", "RMS error of K-hat with other choices", columns, rows, dict.fromkeys(FORGETTING, ".3f"),
         note=f"{runs} draws each; median over the scenarios of the median over the draws, both inputs, from {SETTLED_S:g} s after the "
-        "first change on. Per second: lambda and alpha_min scaled so that as much is forgotten in a second as at ours. Then in how "
-        "many of the five scenarios the order holds, and in how many the opposite does, with 95 % confidence.",
+        "first change on. Per second: lambda and alpha_min scaled to the same forgetting per second as ours. Last columns: number of the "
+        "five scenarios in which the order holds, and in which the opposite order holds, with 95 % confidence.",
     )  # fmt: skip
 
 
-def _runs(found: _Runs, name: str, scenario: int, which: str) -> list[Measured]:
+def _runs(found: _Runs, name: str, scenario: int, which: str) -> list[RunMeasures]:
     return found[name, scenario, which]
 
 
@@ -112,7 +114,7 @@ def _median(found: _Runs, name: str, which: str) -> float:
     )
 
 
-def _holds(found: _Runs, name: str, worse: str, better: str) -> str:
+def _order_counts(found: _Runs, name: str, worse: str, better: str) -> str:
     less = more = 0
     for scenario in printed.SCENARIOS:
         pairs = zip(_runs(found, name, scenario, worse), _runs(found, name, scenario, better), strict=True)

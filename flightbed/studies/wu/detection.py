@@ -1,4 +1,4 @@
-"""The law of d when nothing fails, thresholds that keep their word, and what they cost in delay."""
+"""Distribution of the test statistic d without failure, calibrated thresholds, and their detection delay."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from flightbed.estimation.bias_test import (
     effective_degrees,
 )
 from flightbed.statistics import median_interval, share, spread
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed
-from flightbed.studies.wu.measures import QUIET_S, Measured, Quiet, autocorrelation, delay_s, measure, quiet
+from flightbed.studies.wu.measures import QUIET_S, QuietRun, RunMeasures, autocorrelation, delay_s, measure, quiet_run
 from flightbed.studies.wu.simulate import EXTERNAL, FORGETTING, PERIOD_S, Case, Law, aircraft, unstable
 
-NOMINAL = 0.05  # false alarm rate, of a sample in the first table, of a run in the second
-QUIETER = 0.1  # factor on the noise, for what is left of gamma-hat's mean
+NOMINAL = 0.05  # false alarm rate, per sample in the first table, per run in the second
+QUIETER = 0.1  # factor on the noise of a case that shows the mean of gamma-hat with little noise
 _Runs = Mapping[Any, list[Any]]
 
 
 def law(runs: int, fewer: int) -> Part:
-    """Simulate runs without failure, twice: to calibrate, and to check; and the failures of scenario 1.
+    """Simulate runs without failure for calibration, as many again for the check, and runs of scenario 1.
 
     Args:
-        runs: without failure, and as many again.
-        fewer: runs with the failure.
+        runs: runs without failure, for the calibration and again for the check.
+        fewer: runs of scenario 1.
 
     """
     jobs: dict[Any, Trials] = {}
     for key, case in quiet_cases().items():
-        jobs["first", key] = Trials(quiet, (case,), runs)
+        jobs["first", key] = Trials(quiet_run, (case,), runs)
         if key[0] != _LESS:
-            jobs["again", key] = Trials(quiet, (case,), runs, first_seed=runs)
+            jobs["again", key] = Trials(quiet_run, (case,), runs, first_seed=runs)
     for name, forgetting in FORGETTING.items():
         jobs["failed", name] = Trials(measure, (aircraft(1, forgetting),), fewer)
 
@@ -45,19 +45,19 @@ def law(runs: int, fewer: int) -> Part:
         return Section(
             "The test without failure",
             [
-                "L d would be chi-square with L degrees of freedom if successive estimates were independent, if they had the variance "
-                "that the filter says, and if they had no mean. Successive estimates are nearly the same, so that there is one degree "
-                "of freedom rather than three: without forgetting and with the loop open that is all there is to it, and the threshold "
-                "for the effective number of degrees keeps its word.",
-                "Forgetting makes the filter claim more variance than its estimates have, so that alarms are rarer. And where "
-                "estimates are fed back, what is applied to the plant holds the noise of past readings, which the filter takes for "
-                "known input: gamma-hat gets a mean. It goes with the noise, and with the loop open; with variable factors, which keep "
-                "relying on the last seconds, it is more than a standard deviation. Only thresholds from simulated runs allow for that.",
+                "L d is chi-square with L degrees of freedom if successive estimates are independent, have the variance that the filter "
+                "computes, and have zero mean. In fact successive estimates are nearly equal, so there is one degree of freedom rather "
+                "than three: without forgetting and in open loop this is the only deviation, and the threshold for the effective number "
+                "of degrees gives the nominal rate.",
+                "With forgetting the filter computes a larger variance than its estimates have, so alarms are rarer. Where estimates are "
+                "fed back, the applied input contains the noise of past readings, and the filter takes it for a known input: gamma-hat "
+                "has a mean. It is small at a tenth of the noise and in open loop; with variable factors, which rely on the last "
+                "seconds, it exceeds one standard deviation. Only thresholds from simulated runs include this effect.",
             ],
             [_law(found), _thresholds(found)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 _CLOSED, _OPEN, _LESS, _SECOND = (
@@ -69,7 +69,7 @@ _CLOSED, _OPEN, _LESS, _SECOND = (
 
 
 def quiet_cases() -> dict[tuple[str, str], Case]:
-    """Return the cases without failure: (loop, filter)."""
+    """Return the cases without failure, by (loop, filter)."""
     found: dict[tuple[str, str], Case] = {}
     for name, f in FORGETTING.items():
         found[_CLOSED, name] = aircraft(None, f)
@@ -79,7 +79,7 @@ def quiet_cases() -> dict[tuple[str, str], Case]:
     return dict(sorted(found.items(), key=lambda item: (_CLOSED, _LESS, _OPEN, _SECOND).index(item[0][0])))
 
 
-def _exceeded(runs: Sequence[Quiet], threshold: float) -> Any:
+def _share_above(runs: Sequence[QuietRun], threshold: float) -> Any:
     return share(sum(bool(run.statistic[-1] > threshold) for run in runs), len(runs))
 
 
@@ -87,7 +87,7 @@ def _law(found: _Runs) -> Table:
     rows: list[list[Any]] = []
     L = printed.WINDOW
     for loop, name in quiet_cases():
-        runs: list[Quiet] = found["first", (loop, name)]
+        runs: list[QuietRun] = found["first", (loop, name)]
         rho = autocorrelation(runs)
         degrees = effective_degrees(rho, L)
         late = [run.last for run in runs]
@@ -102,7 +102,7 @@ def _law(found: _Runs) -> Table:
                 float(np.std(late)),
                 float(rho[0]),
                 degrees,
-                *(cell for t in thresholds for cell in (_exceeded(runs, t), float(np.mean(everywhere > t)))),
+                *(cell for t in thresholds for cell in (_share_above(runs, t), float(np.mean(everywhere > t)))),
                 float(np.mean([run.nis for run in runs])),
                 len(runs),
             ]
@@ -117,11 +117,11 @@ def _law(found: _Runs) -> Table:
         | {"correlation": ".3f", "degrees": ".2f", "mean NIS": ".2f"}
     )
     return Table(
-        "law_of_test", f"The law of d without failure, L = {L}", columns, rows, formats | dict.fromkeys(columns[7:11], ".3f"),
-        note=f"z = gamma-hat over its standard deviation, of the first input, at {printed.DURATION_S:g} s; correlation: of z from "
-        f"sample to sample; above: share of the runs with d above a threshold of nominally {NOMINAL:g}, at the same time, with its "
-        f"interval; all samples: the share of all samples from {QUIET_S:g} s on. NIS is {len(printed.AIRCRAFT.C)} in example 1 and "
-        f"{len(printed.UNSTABLE.C)} in example 2 for a filter whose model holds.",
+        "law_of_test", f"Distribution of d without failure, L = {L}", columns, rows, formats | dict.fromkeys(columns[7:11], ".3f"),
+        note=f"z = gamma-hat / standard deviation, first input, at {printed.DURATION_S:g} s; correlation: between z at successive "
+        f"samples; above: share of the runs with d at the same time above a threshold of nominally {NOMINAL:g}, with its interval; all "
+        f"samples: share of all samples from {QUIET_S:g} s on. The NIS of a filter with a correct model is {len(printed.AIRCRAFT.C)} in "
+        f"example 1 and {len(printed.UNSTABLE.C)} in example 2.",
     )  # fmt: skip
 
 
@@ -136,7 +136,7 @@ def _thresholds(found: _Runs) -> Table:
         paper = share(sum(run.largest > printed.THRESHOLD for run in runs), len(runs))
         delays: list[Any] = [None, None]
         if loop == _CLOSED:
-            failed: list[Measured] = found["failed", name]
+            failed: list[RunMeasures] = found["failed", name]
             levels = (printed.THRESHOLD, calibrated.threshold)
             delays = [spread([delay_s(run, level, PERIOD_S) for run in failed]) for level in levels]
         where = f"{calibrated.threshold:.1f} ({calibrated.low:.1f} to {calibrated.high:.1f})"
@@ -148,7 +148,7 @@ def _thresholds(found: _Runs) -> Table:
     formats = dict.fromkeys((columns[2], columns[4]), ".3f") | dict.fromkeys(columns[5:], ".1f")
     return Table(
         "thresholds", f"Thresholds for a false alarm in {NOMINAL:.0%} of the runs", columns, rows, formats,
-        note=f"A run of {printed.DURATION_S:g} s, either input. Calibrated: the quantile of the largest d of a run, with its interval "
-        "between order statistics, checked on as many fresh runs. Delay: of the elevon's alarm in scenario 1, median [5 %, 95 %]; an "
-        "alarm that was false already counts with the first sample.",
+        note=f"A run of {printed.DURATION_S:g} s, either input. Calibrated: quantile of the largest d of a run, with its interval between "
+        "order statistics, checked on as many fresh runs. Delay: of the elevon's alarm in scenario 1, median [5 %, 95 %]; if d is above "
+        "the threshold already before the failure, the alarm counts at the first sample after it.",
     )  # fmt: skip

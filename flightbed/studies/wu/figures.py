@@ -1,4 +1,4 @@
-"""Figures 2 to 8, in the paper's order (1 is a block diagram), each from one noise draw (seed 0)."""
+"""Figures 2 to 8 in the paper's order, each from one noise draw (seed 0); Figure 1 is a block diagram."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class Figure:
     """One figure.
 
     Attributes:
-        number: the paper's.
-        title: what it shows.
-        parameters: what was simulated, in words.
-        cases: by the name of the line.
-        rows: axes.
-        draw: draws on the axes, returns computed facts in words.
+        number: number in the paper.
+        title: title without the number.
+        parameters: parameters of the runs, as a sentence.
+        cases: cases to simulate, by the label of their line.
+        rows: number of axes, one above the other.
+        draw: draws on the axes and returns computed facts as a sentence.
 
     """
 
@@ -58,8 +58,8 @@ class Figure:
 
 
 def figures() -> Part:
-    """Draw them all."""
-    wanted = list(_wanted())
+    """Draw all figures."""
+    wanted = list(_figure_list())
     jobs = [Trials(simulate, (case,), 1, SEED) for figure in wanted for case in figure.cases.values()]
 
     def build(results: Results) -> Section:
@@ -79,44 +79,44 @@ def figures() -> Part:
                 drawn = drawing.distinct(svg(), key)
             pictures.append(Picture(key, f"Figure {figure.number}: {figure.title}", drawn, figure.parameters, facts))
         text = (
-            f"Every figure of the paper that shows a computation, in its order, from one noise draw (seed {SEED}). Dotted lines are "
-            "changes of effectiveness. What the paper sets beside each other as (a), (b), (c) is one below the other here."
+            f"Every figure of the paper that shows a computation, in the paper's order, from one noise draw (seed {SEED}). Dotted lines "
+            "mark changes of effectiveness. The parts (a), (b), (c) that the paper places side by side stand one below the other."
         )
         return Section("Figures", [text], pictures)
 
     return Part(jobs, build)
 
 
-def _wanted() -> Iterator[Figure]:
+def _figure_list() -> Iterator[Figure]:
     external = f"Example 1, external input {EXTERNAL[0]:g}, {EXTERNAL[1]:g} rad, fixed law"
     for number, scenario in ((2, 1), (3, 5)):
         yield Figure(
             number, f"estimates of effectiveness{', d and inputs' if number == 2 else ''}, scenario {scenario}",
             f"{external}; without forgetting, with the constant and with the variable factors.",
             {name: aircraft(scenario, f) for name, f in FORGETTING.items()}, 4 if number == 2 else 2,
-            _estimates_and_test if number == 2 else _estimates,
+            _draw_estimates_and_test if number == 2 else _draw_estimates,
         )  # fmt: skip
     laws = {law.value: law for law in (Law.FIXED, Law.REDESIGNED, Law.OFFSET)}
     yield Figure(
         4, "alpha and theta with and without reconfiguration, scenario 1", f"{external.rpartition(',')[0]}; variable factors.",
-        {**{name: aircraft(1, law=law) for name, law in laws.items()}, _NO_FAILURE: aircraft(None)}, 2, _outputs,
+        {**{name: aircraft(1, law=law) for name, law in laws.items()}, _NO_FAILURE: aircraft(None)}, 2, _draw_outputs,
     )  # fmt: skip
     lost = f"Example 2, K of the first input {LEFT:g} from {printed.FAILED_AT_S:g} s on; variable factors"
     cases = {name: unstable(LEFT, VARIABLE, law) for name, law in laws.items()}
     fixed, adapted = {"fixed": cases["fixed"]}, {name: cases[name] for name in ("redesigned", "offset")}
-    yield Figure(5, "x1 and x3 without reconfiguration", f"{lost}.", fixed, 2, _regulated)
+    yield Figure(5, "x1 and x3 without reconfiguration", f"{lost}.", fixed, 2, _draw_states)
     yield Figure(
-        6, "x1 and x3 with reconfiguration", f"{lost}.", {**adapted, _NO_FAILURE: unstable(None)}, 2, _regulated
+        6, "x1 and x3 with reconfiguration", f"{lost}.", {**adapted, _NO_FAILURE: unstable(None)}, 2, _draw_states
     )
-    yield Figure(7, "d of the first input", f"{lost}.", cases, 1, _test)
-    yield Figure(8, "estimates of effectiveness", f"{lost}.", cases, 2, _estimates)
+    yield Figure(7, "d of the first input", f"{lost}.", cases, 1, _draw_test)
+    yield Figure(8, "estimates of effectiveness", f"{lost}.", cases, 2, _draw_estimates)
 
 
 def _color(name: str) -> str:
     return {**_FILTERS, **_LAWS, _NO_FAILURE: drawing.REFERENCE}[name]
 
 
-def _estimates(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
+def _draw_estimates(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
     errors = []
     for name, run in runs.items():
         for i, axis in enumerate(axes[:2]):
@@ -133,8 +133,8 @@ def _estimates(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[floa
     return f"RMS error of K-hat over both inputs from {SETTLED_S:g} s after the first change on: {', '.join(errors)}."
 
 
-def _estimates_and_test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
-    words = _estimates(axes, runs, changes)
+def _draw_estimates_and_test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
+    words = _draw_estimates(axes, runs, changes)
     for name, run in runs.items():
         drawing.line(axes[2], run.t_s, np.maximum(run.statistic[:, 0], 1e-3), color=_color(name))
     axes[2].axhline(printed.THRESHOLD, color=drawing.FAILURE, linestyle="--", linewidth=0.8)
@@ -148,12 +148,12 @@ def _estimates_and_test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequ
     before = run.t_s <= changes[0]
     return (
         f"{words} d of the elevon, variable factors: at most {np.max(run.statistic[before, 0]):.1f} before the change, "
-        f"{np.max(run.statistic[~before, 0]):.0f} after it; the dashed line is the paper's threshold. The inputs are those of the run with "
-        "variable factors."
+        f"{np.max(run.statistic[~before, 0]):.0f} after the change; the dashed line is the paper's threshold. The inputs are those of the "
+        "run with variable factors."
     )
 
 
-def _outputs(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
+def _draw_outputs(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
     words = []
     after = runs["fixed"].t_s > changes[0] + SETTLED_S
     for name, run in runs.items():
@@ -168,7 +168,7 @@ def _outputs(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]
     return f"RMS distance of alpha and theta from the run without failure, {span}, rad: {'; '.join(words)}."
 
 
-def _regulated(axes: list[Axes], runs: Mapping[str, Run], _changes: Sequence[float]) -> str:
+def _draw_states(axes: list[Axes], runs: Mapping[str, Run], _changes: Sequence[float]) -> str:
     words = []
     for name, run in runs.items():
         for axis, column in zip(axes, (0, 2), strict=True):
@@ -179,7 +179,7 @@ def _regulated(axes: list[Axes], runs: Mapping[str, Run], _changes: Sequence[flo
     return f"RMS of x1 and x3 over the last {LATE_S:g} s: {', '.join(words)}."
 
 
-def _test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
+def _draw_test(axes: list[Axes], runs: Mapping[str, Run], changes: Sequence[float]) -> str:
     words = []
     for name, run in runs.items():
         drawing.line(axes[0], run.t_s, np.maximum(run.statistic[:, 0], 1e-3), color=_color(name), label=name)

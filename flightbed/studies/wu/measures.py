@@ -1,4 +1,4 @@
-"""What runs are judged by: errors of K-hat, the test, the response; and what the test's law rests on when nothing fails."""
+"""Measures of a run: errors of K-hat, the test statistic, the response; and statistics of the test without failure."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from flightbed.studies.wu.simulate import Case, Run, simulate
 
 Array = npt.NDArray[np.float64]
 
-SETTLED_S = 3.0  # after the first change, from when on estimates are compared
-EARLY_S = 3.0  # after the first change, within which the test is compared between laws
-ON_RAMP_S = 2.0  # after the ramp's start, from when on the estimate is to follow it
-LATE_S = 5.0  # before the end, from when on a response is to be settled
-QUIET_S = 2.0  # from when on runs without failure are judged; before, the prior fades
+SETTLED_S = 3.0  # estimates are compared from this time after the first change on
+EARLY_S = 3.0  # the test is compared between laws within this time after the first change
+ON_RAMP_S = 2.0  # the error on the ramp is taken from this time after its start on
+LATE_S = 5.0  # the response is judged over this time before the end
+QUIET_S = 2.0  # runs without failure are judged from this time on, after the transient of the prior
 
 
-class Measured(NamedTuple):
-    """One run in numbers. Errors are those of K-hat, RMS; nan where a case does not have them.
+class RunMeasures(NamedTuple):
+    """Measures of one run. Errors are RMS errors of K-hat; nan if the case does not define them.
 
     Attributes:
         error, error_settled: over both inputs, from the first change on and from ``SETTLED_S`` after it.
-        errors, errors_settled: (2,), the same of each input.
-        ramp: of the first input, on its ramp.
-        late: RMS of the outputs that are weighted, over the last seconds.
-        largest: largest state, from the first change on.
-        before: largest d of either input before the first change, or in the whole run without one.
+        errors, errors_settled: (2,), the same per input.
+        ramp: error of the first input on its ramp, from ``ON_RAMP_S`` on.
+        late: RMS of alpha and theta (example 1), of x1 and x3 (example 2), over the last ``LATE_S``.
+        largest: largest magnitude of a state, from the first change on.
+        before: largest d of either input before the first change, or in the whole run without a change.
         statistic: (N,), d of the first input.
-        worst: (N,), error of K-hat, of the input whose is larger.
-        failed: sample after which the first change acts; N without one.
-        nis: mean NIS from then on.
+        worst: (N,), larger of the two errors of K-hat at each sample.
+        failed: index of the first sample under the first change; N without a change.
+        nis: mean NIS from the first change on.
 
     """
 
@@ -52,13 +52,13 @@ class Measured(NamedTuple):
     nis: float
 
 
-def measure(seed: int, case: Case) -> Measured:
-    """Simulate a run and measure it."""
-    return measured(simulate(seed, case), case)
+def measure(seed: int, case: Case) -> RunMeasures:
+    """Simulate a run and return its measures."""
+    return run_measures(simulate(seed, case), case)
 
 
-def measured(run: Run, case: Case) -> Measured:
-    """Measure a run."""
+def run_measures(run: Run, case: Case) -> RunMeasures:
+    """Return the measures of a run."""
     samples = len(run.t_s)
     failed = round(min((c.at_s for c in case.changes), default=printed.DURATION_S) / case.period_s)
     square = (run.estimate - run.effectiveness) ** 2
@@ -72,7 +72,7 @@ def measured(run: Run, case: Case) -> Measured:
         ramp = float(np.sqrt(np.mean(square[begin : round(ends[0] / case.period_s), 0])))
     after = square[failed:] if failed < samples else np.full((1, 2), np.nan)
     steady = square[settled:] if settled < samples else np.full((1, 2), np.nan)
-    return Measured(
+    return RunMeasures(
         error=float(np.sqrt(np.mean(after))),
         error_settled=float(np.sqrt(np.mean(steady))),
         errors=np.sqrt(np.mean(after, axis=0)),
@@ -88,25 +88,25 @@ def measured(run: Run, case: Case) -> Measured:
     )
 
 
-def delay_s(run: Measured, threshold: float, period_s: float) -> float:
-    """Return how long after the first change the test of the first input raises its alarm; infinite if never."""
+def delay_s(run: RunMeasures, threshold: float, period_s: float) -> float:
+    """Return the delay, s, from the first change to the alarm of the first input; infinite without an alarm."""
     above = np.flatnonzero(run.statistic[run.failed :] > threshold)
     return float((above[0] + 1) * period_s) if above.size else np.inf
 
 
-def within_s(run: Measured, error: float, period_s: float) -> float:
-    """Return how long after the first change both errors of K-hat first are below a value; infinite if never."""
+def time_to_within_s(run: RunMeasures, error: float, period_s: float) -> float:
+    """Return the time, s, from the first change until both errors of K-hat are first below ``error``; infinite if never."""
     near = np.flatnonzero(run.worst[run.failed :] < error)
     return float((near[0] + 1) * period_s) if near.size else np.inf
 
 
-def early(run: Measured, period_s: float) -> float:
+def early_statistic(run: RunMeasures, period_s: float) -> float:
     """Return the largest d of the first input within ``EARLY_S`` of the first change."""
     return float(np.max(run.statistic[run.failed : run.failed + round(EARLY_S / period_s)]))
 
 
-class Quiet(NamedTuple):
-    """A run without failure, of what the test's law rests on: z = gamma-hat / sqrt(P_ii) of the first input, d of both.
+class QuietRun(NamedTuple):
+    """Statistics of the test in a run without failure: z = gamma-hat / sqrt(P_ii) of the first input, and d.
 
     Attributes:
         last, gamma: z and gamma-hat at the end.
@@ -125,35 +125,35 @@ class Quiet(NamedTuple):
     nis: float
 
 
-def quiet(seed: int, case: Case) -> Quiet:
-    """Simulate a run without failure and take what the law of the test rests on."""
+def quiet_run(seed: int, case: Case) -> QuietRun:
+    """Simulate a case without its failure and return the statistics of the test."""
     run = simulate(seed, replace(case, changes=()))
     begin = round(QUIET_S / case.period_s)
     z = (run.estimate[begin:, 0] - 1.0) / run.deviation[begin:, 0]
     products = np.array([np.mean(z[: len(z) - j] * z[j:]) for j in range(case.window)])
     gamma, largest = float(run.estimate[-1, 0] - 1.0), float(np.max(run.statistic))
-    return Quiet(float(z[-1]), gamma, products, run.statistic[:, 0], largest, float(np.mean(run.nis)))
+    return QuietRun(float(z[-1]), gamma, products, run.statistic[:, 0], largest, float(np.mean(run.nis)))
 
 
-def autocorrelation(runs: Sequence[Quiet]) -> Array:
-    """Return rho(1), rho(2), ... of z over runs, about zero, as d takes it."""
+def autocorrelation(runs: Sequence[QuietRun]) -> Array:
+    """Return the autocorrelation rho(1), rho(2), ... of z over the runs, (lags - 1,), about zero as in d."""
     products = np.mean([run.products for run in runs], axis=0)
     return np.asarray(products[1:] / products[0], dtype=np.float64)
 
 
 class Recovery(NamedTuple):
-    """How far the outputs of a run are from those of the run without failure of the same noise: RMS from ``SETTLED_S`` on, (2,)."""
+    """RMS difference of two states, (2,), between a run and the run without failure with the same noise, from ``SETTLED_S`` on."""
 
     outputs: Array
 
 
 def recovery(seed: int, case: Case, columns: tuple[int, int]) -> Recovery:
-    """Simulate a run with and without its failure, and compare two states.
+    """Simulate a run with and without its failure and compare two states.
 
     Args:
-        seed: of the noise.
-        case: with a failure.
-        columns: which states.
+        seed: seed of the noise.
+        case: case with a failure.
+        columns: indices of the two states.
 
     """
     run = simulate(seed, case)

@@ -1,9 +1,9 @@
-"""What Wu, Zhang and Zhou (2000) print of their two examples; nothing here is computed.
+"""Printed data of the two examples of Wu, Zhang and Zhou (2000); no value in this module is computed.
 
 N. E. Wu, Y. Zhang, K. Zhou, Detection, estimation, and accommodation of loss of control effectiveness, Int. J. Adaptive Control and
-Signal Processing 14 (2000) 775, S 5. The matrices are those of differential equations, though difference equations are printed around
-them: so read, example 1 has a short period and a phugoid, both stable, and example 2 the unstable and the lightly damped mode that the
-text tells of; as transition matrices both would grow, the first fourfold at every sample.
+Signal Processing 14 (2000) 775, S 5. The matrices are read as those of differential equations, although the paper prints difference
+equations: then example 1 has a stable short period and a stable phugoid, and example 2 the unstable and the lightly damped mode that the
+text describes. As transition matrices both systems would diverge, the first by a factor of four per sample.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ DURATION_S = 20.0
 
 
 class Example(NamedTuple):
-    """An example: system and weights.
+    """System and weights of an example.
 
     Attributes:
-        states, inputs: names.
-        A, B, C: of the differential equations.
-        Q_c, R_c: diagonals of the weights of outputs and inputs.
-        x0: initial state.
+        states, inputs: names of the states and of the inputs.
+        A, B, C: matrices of the differential equations, (n, n), (n, 2), (m, n).
+        Q_c, R_c: diagonals of the weights of the outputs, (m,), and of the inputs, (2,).
+        x0: initial state, (n,).
 
     """
 
@@ -35,7 +35,7 @@ class Example(NamedTuple):
     x0: tuple[float, ...]
 
 
-# S 5.1, after Balas and others 1991; u in ft/s presumably, angles in rad.
+# S 5.1, after Balas et al. 1991; u presumably in ft/s, angles in rad.
 AIRCRAFT = Example(
     states=("u", "alpha", "q", "theta"),
     inputs=("elevon", "canard"),
@@ -46,7 +46,7 @@ AIRCRAFT = Example(
     R_c=(10.0, 10.0),
     x0=(50.0, 0.05, 5.0, 0.06),
 )
-# S 5.2, after Veillette 1995; C is the identity, Q_c therefore of the states.
+# S 5.2, after Veillette 1995; C is the identity, so Q_c weights the states.
 UNSTABLE = Example(
     states=("x1", "x2", "x3", "x4"),
     inputs=("first input", "second input"),
@@ -59,7 +59,7 @@ UNSTABLE = Example(
 )
 EXAMPLES = MappingProxyType({1: AIRCRAFT, 2: UNSTABLE})
 
-# Both examples: standard deviations of process noise, readings and the random walk of gamma, per sample.
+# Both examples: standard deviations per sample of process noise, readings and the random walk of gamma.
 PROCESS_STD, READING_STD, GAMMA_STD = 0.01, 0.1, 0.001
 PRIOR_VARIANCE = 10.0  # of every state and every gamma, example 1
 WINDOW, THRESHOLD = 3, 5.0  # L of eq (33), epsilon of eq (34), example 1
@@ -67,7 +67,14 @@ FAILED_AT_S = 5.0  # example 2
 
 
 class Change(NamedTuple):
-    """What becomes of an input: its effectiveness from a time on, or reached on a straight line from an earlier change on."""
+    """A change of effectiveness.
+
+    Attributes:
+        at_s: time of the change, s.
+        input: index of the input.
+        to: effectiveness from ``at_s`` on.
+        ramp: whether the effectiveness falls linearly from the input's previous change to ``at_s`` rather than in a step at ``at_s``.
+    """
 
     at_s: float
     input: int
@@ -75,7 +82,7 @@ class Change(NamedTuple):
     ramp: bool = False
 
 
-# Table I, in our words: what changes when. Scenario 5 drops to one half at once, then falls on a ramp.
+# Table I: changes of effectiveness. In scenario 5 the first input drops to one half in a step, then falls on a ramp.
 SCENARIOS = MappingProxyType(
     {
         1: (Change(5.1, 0, 0.25),),

@@ -1,6 +1,7 @@
-"""One run of an example: plant, two-stage filter, test, LQ law. Wu and others (2000) S 5, with the choices that they leave open named.
+"""Simulation of one run of an example, Wu et al. (2000) S 5: plant, two-stage filter, test and LQ law.
 
-The filter and the law know the healthy system; the effectiveness is the plant's. Inputs are held over a sample.
+Filter and law use the model of the healthy system; only the plant has the effectiveness. Inputs are held over a sample. Choices that the
+paper leaves open are named constants.
 """
 
 from __future__ import annotations
@@ -31,20 +32,20 @@ from flightbed.studies.wu.printed import Change
 
 Array = npt.NDArray[np.float64]
 
-# Choices: what the paper does not say.
+# Choices that the paper leaves open.
 PERIOD_S = 0.1
-EXTERNAL = (1.0, 1.0)  # the constant external input of example 1, rad; that both inputs be excited
+EXTERNAL = (1.0, 1.0)  # constant external input of example 1, rad; it excites both inputs
 NONE, CONSTANT, VARIABLE = NoForgetting(), ConstantForgetting(0.95), VariableForgetting(0.001, 1.0)
-LEFT = 0.1  # of the first input of example 2; the fixed law needs 0.29 to be stable, see the table of margins
-FLOOR = 0.05  # least effectiveness that the law is designed for
+LEFT = 0.1  # K of the first input of example 2; the fixed law needs 0.29 for stability, see the table of margins
+FLOOR = 0.05  # smallest effectiveness in the design of the law
 FORGETTING: Mapping[str, Forgetting] = MappingProxyType({"none": NONE, "constant": CONSTANT, "variable": VARIABLE})
 
 
 class Law(Enum):
-    """What the control law does about a confirmed loss.
+    """Reaction of the control law to a confirmed loss.
 
-    FIXED does nothing. REDESIGNED is the LQ design for the effectiveness as estimated, eqs (47)-(49). OFFSET weights the inputs anew as
-    well, so that the loop is that of the healthy system, and divides the external input likewise. OPEN feeds nothing back at all.
+    FIXED: none. REDESIGNED: LQ design for the estimated effectiveness, eqs (47)-(49). OFFSET: LQ design with new weights of the inputs that
+    give the loop of the healthy system, and division of the external input by the effectiveness. OPEN: no feedback.
     """
 
     FIXED = "fixed"
@@ -55,18 +56,18 @@ class Law(Enum):
 
 @dataclass(frozen=True)
 class Case:
-    """What is simulated.
+    """Settings of a simulation.
 
     Attributes:
         example: 1 or 2.
-        changes: of effectiveness; none for a run without failure.
-        forgetting: of the filter.
-        law: what is done about a loss.
-        external: constant external input, of each input.
-        period_s: of samples.
-        prior_variance: P_0 of every gamma.
+        changes: changes of effectiveness; empty for a run without failure.
+        forgetting: forgetting of the filter.
+        law: reaction of the law to a loss.
+        external: constant external input, per input.
+        period_s: sample period, s.
+        prior_variance: P_0 of each gamma.
         window, threshold: L and epsilon of the test.
-        noise: factor on the standard deviations of process noise and readings, which the filter knows.
+        noise: factor on the standard deviations of process noise and readings, in the plant and in the filter.
 
     """
 
@@ -89,18 +90,18 @@ def aircraft(
     *,
     external: tuple[float, float] = EXTERNAL,
 ) -> Case:
-    """Return a case of example 1: a scenario of Table I, or None for no failure."""
+    """Return a case of example 1 with a scenario of Table I, or without failure if ``scenario`` is None."""
     changes = () if scenario is None else printed.SCENARIOS[scenario]
     return Case(1, changes, forgetting, law, external)
 
 
 def unstable(left: float | None, forgetting: Forgetting = VARIABLE, law: Law = Law.FIXED) -> Case:
-    """Return a case of example 2: what is left of the first input, or None for no failure."""
+    """Return a case of example 2 with effectiveness ``left`` of the first input from 5 s on, or without failure if ``left`` is None."""
     return Case(2, () if left is None else (Change(printed.FAILED_AT_S, 0, left),), forgetting, law)
 
 
 class Model(NamedTuple):
-    """An example at a sample rate: x+ = A x + B u, y = C x, and the weight of the state C' Q_c C and of the inputs."""
+    """Discrete model of an example: x+ = A x + B u, y = C x, weight of the state Q = C' Q_c C and of the inputs R = R_c."""
 
     A: Array
     B: Array
@@ -111,7 +112,7 @@ class Model(NamedTuple):
 
 @cache
 def model(example: int, period_s: float = PERIOD_S) -> Model:
-    """Return an example, its inputs held over the period."""
+    """Return the discrete model of an example for inputs held over the period, s."""
     given = printed.EXAMPLES[example]
     held: Discrete = zero_order_hold(np.array(given.A), np.array(given.B), period_s)
     C = np.array(given.C)
@@ -119,7 +120,7 @@ def model(example: int, period_s: float = PERIOD_S) -> Model:
 
 
 def effectiveness(case: Case) -> Array:
-    """Return K of both inputs over every sample, (N, 2)."""
+    """Return the effectiveness K of both inputs over each sample, (N, 2)."""
     samples = round(printed.DURATION_S / case.period_s)
     K = np.ones((samples, 2))
     began = [0, 0]
@@ -134,16 +135,18 @@ def effectiveness(case: Case) -> Array:
 
 
 class Run(NamedTuple):
-    """One run; N samples, row k of what plant or filter say is at t_s[k], the end of the sample over which row k of the inputs held.
+    """History of one run over N samples.
+
+    Row k of states, estimates and statistics is at t_s[k], the end of the sample over which row k of the inputs is held.
 
     Attributes:
-        t_s: (N,), from one period on.
+        t_s: (N,), time, s, from one period on.
         effectiveness: (N, 2), K over the sample.
-        estimate, deviation: (N, 2), K-hat = 1 + gamma-hat and its standard deviation as the filter has it.
-        state, inputs: (N, 4) and (N, 2).
+        estimate, deviation: (N, 2), K-hat = 1 + gamma-hat, and its standard deviation according to the filter.
+        state, inputs: (N, 4), state of the plant, and (N, 2), inputs of the law.
         statistic: (N, 2), d of eq (33).
-        nis: (N,).
-        redesigns: samples after which the law was designed anew.
+        nis: (N,), normalized innovation squared.
+        redesigns: number of redesigns of the law.
 
     """
 
@@ -159,7 +162,7 @@ class Run(NamedTuple):
 
 
 def simulate(seed: int, case: Case) -> Run:
-    """Simulate a run; the noise depends on the seed alone, and so is the same in all cases of one period."""
+    """Simulate a run; the noise depends on the seed and the period only, so all cases of one period share it."""
     rng = np.random.default_rng(seed)
     A, B, C, Q, R = model(case.example, case.period_s)
     x = np.array(printed.EXAMPLES[case.example].x0)
@@ -175,22 +178,22 @@ def simulate(seed: int, case: Case) -> Run:
     test = BiasTest(BiasTestConfig(case.window, (case.threshold, case.threshold)))
     law = LqServo(regulator(A, B, Q, R))
     external = np.array(case.external)
-    believed, redesigns = np.ones(2), 0  # what the law was designed for
+    designed, redesigns = np.ones(2), 0  # effectiveness in the design of the law
     found, nis = np.empty((5, samples, 2)), np.empty(samples)  # K, K-hat, deviation, inputs, statistic
     states = np.empty((samples, n))
     state = kalman.estimate.state
     for k in range(samples):
-        asked = external / believed if case.law is Law.OFFSET else external
-        u = asked if case.law is Law.OPEN else law.command(state, external=asked)
+        reference = external / designed if case.law is Law.OFFSET else external
+        u = reference if case.law is Law.OPEN else law.command(state, external=reference)
         x = A @ x + B @ (K[k] * u) + w[k]
-        told = kalman.step(A, B, C, u, C @ x + v[k])
-        state = told.state
-        statistic, raised = test.update(told.gamma, told.gamma_covariance)
-        found[:, k] = K[k], told.effectiveness, np.sqrt(np.diag(told.gamma_covariance)), u, statistic
-        states[k], nis[k] = x, told.nis
+        estimate = kalman.step(A, B, C, u, C @ x + v[k])
+        state = estimate.state
+        statistic, raised = test.update(estimate.gamma, estimate.gamma_covariance)
+        found[:, k] = K[k], estimate.effectiveness, np.sqrt(np.diag(estimate.gamma_covariance)), u, statistic
+        states[k], nis[k] = x, estimate.nis
         if case.law in (Law.REDESIGNED, Law.OFFSET) and np.any(raised):
-            believed = np.where(raised, np.clip(told.effectiveness, FLOOR, 1.0), believed)
-            law.redesign(believed, R=offset_weights(R, believed) if case.law is Law.OFFSET else None)
+            designed = np.where(raised, np.clip(estimate.effectiveness, FLOOR, 1.0), designed)
+            law.redesign(designed, R=offset_weights(R, designed) if case.law is Law.OFFSET else None)
             redesigns += 1
     t_s = case.period_s * np.arange(1, samples + 1, dtype=np.float64)
     return Run(t_s, found[0], found[1], found[2], states, found[3], found[4], nis, redesigns)

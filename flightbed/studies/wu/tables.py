@@ -1,4 +1,4 @@
-"""Numbers of both examples: errors of K-hat, responses, and the margins of the laws."""
+"""Tables of both examples: errors of K-hat, responses, and stability margins of the laws."""
 
 from __future__ import annotations
 
@@ -12,12 +12,21 @@ from flightbed.control.lq import offset_weights, redesign, spectral_radius
 from flightbed.control.margin import stability_margin
 from flightbed.document import Section, Table
 from flightbed.statistics import spread
-from flightbed.studies.base import Part, Trials, keyed
+from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed
-from flightbed.studies.wu.measures import EARLY_S, LATE_S, ON_RAMP_S, SETTLED_S, Measured, early, measure, within_s
+from flightbed.studies.wu.measures import (
+    EARLY_S,
+    LATE_S,
+    ON_RAMP_S,
+    SETTLED_S,
+    RunMeasures,
+    early_statistic,
+    measure,
+    time_to_within_s,
+)
 from flightbed.studies.wu.simulate import FLOOR, FORGETTING, LEFT, PERIOD_S, VARIABLE, Law, aircraft, model, unstable
 
-LEFT_OVER = (0.0, 0.1, 0.2, 0.25, 0.3, 0.5)  # of the first input of example 2
+LEFT_VALUES = (0.0, 0.1, 0.2, 0.25, 0.3, 0.5)  # K of the first input of example 2 after the failure
 ADAPTED = (Law.REDESIGNED, Law.OFFSET)
 LAWS = (Law.FIXED, *ADAPTED)
 _Runs = Mapping[Any, list[Any]]
@@ -25,7 +34,7 @@ _RANGE = "median [5 %, 95 %]"
 
 
 def accuracy(runs: int) -> Part:
-    """Simulate all scenarios with all filters: how well K is estimated."""
+    """Simulate all scenarios with all filters and return the errors of K-hat."""
     jobs = {
         (s, name): Trials(measure, (aircraft(s, forgetting),), runs)
         for s in printed.SCENARIOS
@@ -36,21 +45,21 @@ def accuracy(runs: int) -> Part:
         return Section(
             "Example 1: accuracy",
             [
-                "The five scenarios of Table I with the law fixed, under a constant external input: without forgetting, with the "
-                "constant and with the variable factors.",
-                "What the constant factor gains over none it gains once the transient of the change is over, and with the canard: the "
-                "elevon alone, from the change on, it estimates worse than none in most scenarios.",
+                "The five scenarios of Table I with a fixed law and a constant external input: without forgetting, with the constant "
+                "factor and with the variable factors.",
+                "The advantage of the constant factor over none comes from the time after the transient of the change, and from the "
+                "canard: from the change on, its error of the elevon's K-hat alone exceeds that without forgetting in most scenarios.",
             ],
             [_glance(found), _by_input(found)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
 def _glance(found: _Runs) -> Table:
     rows: list[list[Any]] = []
     for s in printed.SCENARIOS:
-        by_filter: list[list[Measured]] = [found[s, name] for name in FORGETTING]
+        by_filter: list[list[RunMeasures]] = [found[s, name] for name in FORGETTING]
         rows.append([s, *(spread([run.error_settled for run in each]) for each in by_filter)])
     columns = ("scenario", *FORGETTING)
     return Table(
@@ -62,7 +71,7 @@ def _glance(found: _Runs) -> Table:
 def _by_input(found: _Runs) -> Table:
     rows: list[list[Any]] = []
     for s, name in product(printed.SCENARIOS, FORGETTING):
-        each: list[Measured] = found[s, name]
+        each: list[RunMeasures] = found[s, name]
         rows.append(
             [
                 s,
@@ -86,18 +95,18 @@ def _by_input(found: _Runs) -> Table:
     )
     return Table(
         "accuracy_by_input", "RMS error of K-hat, input by input", columns, rows, dict.fromkeys(columns[2:8], ".3f") | {"mean NIS": ".2f"},
-        note=f"{_RANGE}; from the first change on, and, settled, from {SETTLED_S:g} s after it; on the ramp from {ON_RAMP_S:g} s after its "
-        "start. NIS, from the change on, is 2 on the average for a filter whose model holds: more where it does not follow, less where "
-        "it takes more noise for granted than there is.",
+        note=f"{_RANGE}; from the first change on; settled: from {SETTLED_S:g} s after it on; on the ramp: from {ON_RAMP_S:g} s after its "
+        "start. The mean NIS from the change on is 2 for a filter with a correct model: larger where the filter does not follow the "
+        "change, smaller where it assumes more noise than acts.",
     )  # fmt: skip
 
 
-def second(runs: int) -> Part:
-    """Simulate example 2 with all laws and several losses."""
+def example_2(runs: int) -> Part:
+    """Simulate example 2 with all laws and several losses of the first input."""
     few = max(1, runs // 5)
     jobs: dict[Any, Trials] = {
         (left, law): Trials(measure, (unstable(left, VARIABLE, law),), runs if left == LEFT else few)
-        for left, law in product(LEFT_OVER, LAWS)
+        for left, law in product(LEFT_VALUES, LAWS)
     }
     jobs["healthy", Law.FIXED] = Trials(measure, (unstable(None),), runs)
 
@@ -105,25 +114,26 @@ def second(runs: int) -> Part:
         return Section(
             "Example 2: adaptation",
             [
-                f"What of the first input is lost the paper does not say; the figures and claims are of {1 - LEFT:.0%}. The filter has "
-                "variable factors.",
-                "The fixed law's loop diverges, and in diverging excites itself: in the end nothing estimates K better, or makes d "
-                "larger. The law by eqs (47)-(49) relies less on the weakened input and so tells less of it; with offset weights it "
-                "commands the input as much more as it is weaker, and d rises fastest. That is where the text's account of a more "
-                "responsive control signal holds. A total loss no weight offsets; only eqs (47)-(49) settle that. d is at most gamma^2 "
-                "/ alpha_min, because the variance that forgetting adds is in no reading yet.",
+                f"The paper does not specify the loss of the first input; figures and claims use {1 - LEFT:.0%}. The filter has variable "
+                "factors.",
+                "The loop with the fixed law diverges, and the divergence excites the plant: in the end no other law gives a more "
+                "accurate K-hat or a larger d. The law by eqs (47)-(49) uses the weakened input less and so gives less information on "
+                "it; with offset weights the law amplifies the command of the input in proportion to its weakness, and d rises fastest. "
+                "In this case the paper's account of a more responsive control signal holds. No weight offsets a total loss; there only "
+                "eqs (47)-(49) give a settled response. d is at most gamma^2 / alpha_min, because no reading has yet reduced the "
+                "variance that forgetting adds.",
             ],
-            [_second(found)],
+            [_example_2_table(found)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
-def _second(found: _Runs) -> Table:
+def _example_2_table(found: _Runs) -> Table:
     rows: list[list[Any]] = []
     for (left, law), each in found.items():
         K = 1.0 if left == "healthy" else float(left)
-        runs: list[Measured] = each
+        runs: list[RunMeasures] = each
         failed = left != "healthy"
         rows.append(
             [
@@ -132,7 +142,7 @@ def _second(found: _Runs) -> Table:
                 closed_loop_radius(K, law),
                 spread([run.late for run in runs]),
                 spread([run.largest for run in runs]) if failed else None,
-                spread([early(run, PERIOD_S) for run in runs]) if failed else None,
+                spread([early_statistic(run, PERIOD_S) for run in runs]) if failed else None,
                 spread([float(np.max(run.statistic[run.failed :])) for run in runs]) if failed else None,
                 spread([run.error_settled for run in runs]) if failed else None,
                 len(runs),
@@ -150,49 +160,49 @@ def _second(found: _Runs) -> Table:
         "largest d": ".1f",
     }
     return Table(
-        "example_2", "Example 2 by what is left of the first input", columns, rows, formats | {"RMS error of K-hat": ".3f"},
-        note=f"{_RANGE}. Spectral radius: of the loop with the state fed back, the law redesigned for the true K, but for no less than "
-        f"{FLOOR:g}. d: of the first input, from the failure on; error: over both, from {SETTLED_S:g} s after it.",
+        "example_2", "Example 2 by remaining effectiveness of the first input", columns, rows, formats | {"RMS error of K-hat": ".3f"},
+        note=f"{_RANGE}. Spectral radius: of the loop with state feedback, the law redesigned for the true K, at least {FLOOR:g}. d: "
+        f"first input, from the failure on; error: both inputs, from {SETTLED_S:g} s after the failure.",
     )  # fmt: skip
 
 
 def gain(example: int, K: np.ndarray[Any, np.dtype[np.float64]], law: Law) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return the gain of a law that is told the effectiveness."""
+    """Return the state feedback gain, (2, n), of a law designed for effectiveness ``K``, (2,), at least ``FLOOR``."""
     A, B, _, Q, R = model(example)
-    told = np.ones(len(K)) if law is Law.FIXED else np.clip(K, FLOOR, 1.0)
-    return redesign(A, B, Q, offset_weights(R, told) if law is Law.OFFSET else R, told)
+    designed = np.ones(len(K)) if law is Law.FIXED else np.clip(K, FLOOR, 1.0)
+    return redesign(A, B, Q, offset_weights(R, designed) if law is Law.OFFSET else R, designed)
 
 
 def closed_loop_radius(left: float, law: Law) -> float:
-    """Return the spectral radius of example 2, its state fed back, with so much left of the first input."""
+    """Return the spectral radius of example 2 with state feedback and effectiveness ``left`` of the first input."""
     A, B, *_ = model(2)
     K = np.array([left, 1.0])
     return spectral_radius(A - B @ (K[:, None] * gain(2, K, law)))
 
 
 def margins(runs: int) -> Part:
-    """Compute the margins of eq (46) for the laws of both examples, and how soon the estimates of example 2 are within them."""
+    """Compute the margins of eq (46) for the laws of both examples, and the times at which K-hat of example 2 is within them."""
     jobs = {law: Trials(measure, (unstable(LEFT, VARIABLE, law),), runs) for law in ADAPTED}
 
-    def build(found: Mapping[Law, list[Measured]]) -> Section:
+    def build(found: Mapping[Law, list[RunMeasures]]) -> Section:
         return Section(
             "Margins",
             [
-                "How far the true gamma of both inputs may be from the estimate that the law was designed for before the loop with the "
-                "state fed back loses stability: eq (46) with equal weights, proved by the mapping theorem. It counts errors in both "
-                "directions, though a healthy input can only lose.",
-                "Example 1 is a stable aircraft under a soft law: what ends its margin is more effectiveness than believed, not less. "
-                "Offset weights make the gain of an input inversely proportional to what is left of it, and the margin proportional: "
-                "an estimate that is off by a few hundredths is beyond it. The runs of example 2 settle all the same: the margin is "
-                "that of the worst direction, and the law follows the estimate.",
+                "The margin of eq (46) with equal weights: the largest difference between the true gamma of both inputs and the estimate "
+                "in the design at which the loop with state feedback is still stable, proved by the mapping theorem. It includes errors "
+                "in both directions, although a healthy input can only lose effectiveness.",
+                "Example 1 is a stable aircraft with a low-gain law: its margin is limited by more effectiveness than estimated, not by "
+                "less. Offset weights make the gain of an input inversely proportional to its remaining effectiveness, and the margin "
+                "proportional to it: an error of K-hat of a few hundredths exceeds the margin. The runs of example 2 settle "
+                "nevertheless: the margin refers to the worst direction, and the law follows the estimate.",
             ],
             [_margins(), _convergence(found)],
         )
 
-    return keyed(jobs, build)
+    return keyed_part(jobs, build)
 
 
-def _convergence(found: Mapping[Law, list[Measured]]) -> Table:
+def _convergence(found: Mapping[Law, list[RunMeasures]]) -> Table:
     A, B, *_ = model(2)
     K = np.array([LEFT, 1.0])
     rows: list[list[Any]] = []
@@ -203,7 +213,7 @@ def _convergence(found: Mapping[Law, list[Measured]]) -> Table:
             [
                 law.value,
                 margin,
-                spread([within_s(run, margin, PERIOD_S) for run in runs]),
+                spread([time_to_within_s(run, margin, PERIOD_S) for run in runs]),
                 spread([float(np.mean(run.worst[run.failed + settled :] < margin)) for run in runs]),
             ]
         )
@@ -211,8 +221,9 @@ def _convergence(found: Mapping[Law, list[Measured]]) -> Table:
     return Table(
         "convergence", f"Example 2, K of the first input {LEFT:g}: estimates within the margin", columns, rows,
         {"margin": ".3f", "first within, s": ".1f", columns[-1]: ".2f"},
-        note=f"{_RANGE} of {len(next(iter(found.values())))} draws: when after the failure both errors of K-hat first are below the "
-        f"margin of the law designed for the true K, and for how much of the time from {SETTLED_S:g} s after it on.",
+        note=f"{_RANGE} of {len(next(iter(found.values())))} draws: time after the failure at which both errors of K-hat are first below "
+        f"the margin of the law designed for the true K, and share of the time with both below it, from {SETTLED_S:g} s after the failure "
+        "on.",
     )  # fmt: skip
 
 
@@ -237,7 +248,7 @@ def _margins() -> Table:
             rows.append([example, f"{left[0]:g}, {left[1]:g}", name, found.largest, found.smallest, at, only.largest])
     columns = ("example", "K as estimated", "law", "margin", "proved", "lost at K", "margin of the first input alone")
     return Table(
-        "margins", "Largest error of K-hat that leaves the loop stable", columns, rows,
+        "margins", "Largest error of K-hat with a stable loop", columns, rows,
         {"margin": ".4f", "proved": ".4f", columns[-1]: ".4f"},
-        note="The last column: the second input's effectiveness is known.",
+        note="Last column: the effectiveness of the second input is known exactly.",
     )  # fmt: skip
