@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flightbed import drawing, palette
-from flightbed.campaign import Campaign
 from flightbed.campaign_multiples import left_out, of_points
+from flightbed.campaign_result import Campaign
 from flightbed.document import Picture, Section
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.figures import MARGIN, mark_changes

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from flightbed import drawing, palette
-from flightbed.campaign import Campaign
 from flightbed.campaign_points import value_words
+from flightbed.campaign_result import Campaign
 from flightbed.document import Picture
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.figures import MARGIN, mark_changes

@@ -18,7 +18,7 @@ from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.programme import Flight
 from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.settings import Criterion, Scenario
-from flightbed.statistics import Interval, Spread, median_interval, quantile_interval, spread
+from flightbed.statistics import Interval, Spread, median_interval, quantile_interval, share, spread
 from flightbed.units import unit_of
 
 Value = int | float | bool | str | None
@@ -115,25 +115,6 @@ class Quantity:
         """Return the same percentile with a 95 % interval by resampling; of what happened in one flight at least."""
         return percentile_interval(self._happened, percent, self.seed, self.column)
 
-    def to_dict(self) -> dict[str, float | int | None]:
-        """Return plain values, ready for JSON: null for what is infinite, or cannot be said."""
-        middle, low, high, mean = self.median, self.percentile(5), self.percentile(95), self.mean
-        found = {
-            "median": middle.estimate,
-            "low": middle.low,
-            "high": middle.high,
-            "p5": low.estimate,
-            "p5_low": low.low,
-            "p5_high": low.high,
-            "p95": high.estimate,
-            "p95_low": high.low,
-            "p95_high": high.high,
-            **({} if mean is None else {"mean": mean.estimate, "mean_low": mean.low, "mean_high": mean.high}),
-        }
-        plain = {name: value if isfinite(value) else None for name, value in found.items()}
-        none = dict.fromkeys(("mean", "mean_low", "mean_high")) if mean is None else {}
-        return {**plain, **none, "flights": middle.runs, "never": self.never}
-
 
 def metric_columns(scenario: Scenario) -> list[str]:
     """Return the columns of the table that are metrics of a flight."""
@@ -196,6 +177,18 @@ def _keeps(value: Value, criterion: Criterion) -> bool:
     low = -inf if criterion.min is None else criterion.min
     high = inf if criterion.max is None else criterion.max
     return not isinstance(value, str) and low <= value <= high
+
+
+def departed(rows: Sequence[Row]) -> Interval | None:
+    """Return the share of the flights that did not raise that departed, with its exact interval; None where all raised."""
+    known = [row["departed"] for row in rows if row["error"] is None]
+    return share(known.count(True), len(known)) if known else None
+
+
+def passed(rows: Sequence[Row]) -> Interval | None:
+    """Return the share of the flights that meet the criteria, with its exact interval; None without criteria."""
+    known = [row["passed"] for row in rows]
+    return None if not known or None in known else share(known.count(True), len(known))
 
 
 def quantity(table: Sequence[Row], column: str, *, tests: Collection[str], seed: int = 0) -> Quantity:

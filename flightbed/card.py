@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from flightbed import registry
 from flightbed.consistency import idle_keys
 from flightbed.event_log import failures, gusts, milliseconds
+from flightbed.metrics import PHASES
+from flightbed.pacing import Punctuality
+from flightbed.run_summary import RunSummary
 from flightbed.settings import Command, RollCommand, Scenario, SideslipCommand
 from flightbed.units import unit_of
 
 
-def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
+def run_card(scenario: Scenario, summary: RunSummary) -> str:
     """Return the run card, Markdown."""
-    trim, condition = summary["trim"], scenario.condition
-    pace = f"- real time: {kept_pace(summary)}\n" if summary["realtime"] else ""
+    trim, condition = summary.trim, scenario.condition
+    pace = f"- real time: {kept_pace(summary.realtime, summary.flown_s)}\n" if summary.realtime else ""
     estimators = "".join(
-        f"| {name} | {_show(m['median_abs_error_post'], '.3f')} | {_show(m['rms_error_smoothed_post'], '.3f')} "
-        f"| {_show(m['first_within_20pct_s'], '.2f')} | {_show(m['nis_mean'], '.2f')} | {_show(m['nis_expected'], 'g')} |\n"
-        for name, m in summary["estimators"].items()
+        f"| {name} | {_show(m.median_abs_error_post, '.3f')} | {_show(m.rms_error_smoothed_post, '.3f')} "
+        f"| {_show(m.first_within_20pct_s, '.2f')} | {_show(m.nis_mean, '.2f')} | {_show(m.nis_expected, 'g')} |\n"
+        for name, m in summary.metrics.estimators.items()
     )
-    own = "; ".join(f"{code['name']}, SHA-256 {(code['sha256'] or 'unknown')[:12]}" for code in summary["extensions"])
+    own = "; ".join(f"{code.name}, SHA-256 {(code.sha256 or 'unknown')[:12]}" for code in summary.extensions)
     own_line = f"- own code: {own}\n" if own else ""
     table = (
         f"| estimator | median abs. error | smoothed RMS error | first within 20 %, s | mean NIS | NIS if right |\n"
@@ -30,12 +31,12 @@ def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
         f"# {scenario.name}\n\n{scenario.description}\n\n"
         f"**{scenario.aircraft.model}**, Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft, seed {scenario.seed}: "
         f"**{outcome(summary)}**\n\n"
-        f"- trim: alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg\n"
+        f"- trim: alpha {trim.alpha_deg:.3f} deg, elevator {trim.elevator_deg:.3f} deg\n"
         f"- law: {scenario.control.law}; {correction(scenario)}\n"
         f"- tracking RMS: {tracking_words(scenario, summary)}\n{pace}"
         f"{_happening(scenario)}{own_line}\n"
         f"{table if estimators else ''}"
-        f"flightbed {summary['versions']['flightbed']}, JSBSim {summary['versions']['jsbsim']}\n"
+        f"flightbed {summary.versions['flightbed']}, JSBSim {summary.versions['jsbsim']}\n"
     )
 
 
@@ -52,13 +53,13 @@ def followed(scenario: Scenario) -> tuple[tuple[str, str, str], ...]:
     return (pulled if scenario.in_g else pitch, *(turning if scenario.lateral.enabled else ()))
 
 
-def tracking_words(scenario: Scenario, summary: dict[str, Any]) -> str:
+def tracking_words(scenario: Scenario, summary: RunSummary) -> str:
     """Return in words how well the references were followed: of roll and yaw too where they are commanded."""
     told = []
     for what, key, unit in followed(scenario):
-        before, after = (_show(summary[f"tracking_rms_{when}_{key}"], ".2f") for when in ("pre", "post"))
+        before, after = (_show(summary.metrics.tracking_rms(phase, key), ".2f") for phase in PHASES)
         words = f"{before} {unit}"
-        if summary["failed_at_s"] is not None:
+        if summary.failed_at_s is not None:
             words += f" before, {after} {unit} from 0.3 s after the failure"
         told.append(f"{what} {words}" if len(followed(scenario)) > 1 or scenario.in_g else words)
     return "; ".join(told)
@@ -182,32 +183,25 @@ def correction(scenario: Scenario) -> str:
     return "corrected by 1/K of " + ("the oracle" if adaptation.oracle else f"'{adaptation.estimator}'")
 
 
-def outcome(summary: dict[str, Any]) -> str:
+def outcome(summary: RunSummary) -> str:
     """Return in words how a flight ended."""
-    failed = summary["failed_at_s"]
-    ended = summary["departed_at_s"] if summary["departed"] else summary["flown_s"]
-    after = "" if failed is None else f", {ended - failed:.2f} s after the failure"
-    if summary["departed"]:
-        return f"departed at {ended:.2f} s{after}"
-    if summary["ended"] == "ground":
-        return f"hit the ground at {ended:.2f} s{after}"
-    return f"flown to {summary['flown_s']:g} s"
+    failed, ended_s = summary.failed_at_s, summary.ended_s
+    after = "" if failed is None else f", {ended_s - failed:.2f} s after the failure"
+    if summary.metrics.departed:
+        return f"departed at {ended_s:.2f} s{after}"
+    if summary.ended == "ground":
+        return f"hit the ground at {ended_s:.2f} s{after}"
+    return f"flown to {summary.flown_s:g} s"
 
 
-def kept_pace(summary: dict[str, Any]) -> str:
-    """Return in words how well a paced flight kept pace."""
-    kept, control_hz = summary["realtime"], summary["realtime"]["ticks"] / summary["flown_s"]
-    jitter, compute = (
-        {name: milliseconds(value) for name, value in kept[key].items()} for key in ("jitter_ms", "compute_ms")
-    )
-    late = (
-        f" ({kept['late_share']:.2%}), worst by {milliseconds(kept['worst_overrun_ms'])} ms"
-        if kept["late_ticks"]
-        else ""
-    )
+def kept_pace(kept: Punctuality, flown_s: float) -> str:
+    """Return in words how well a flight of ``flown_s`` kept pace."""
+    worst, jitter, compute = kept.worst_overrun_ms, kept.jitter_ms, kept.compute_ms
+    late = "" if worst is None else f" ({kept.late_share:.2%}), worst by {milliseconds(worst)} ms"
     return (
-        f"{kept['ticks']} ticks at {control_hz:g} Hz: {kept['late_ticks']} late{late}; "
-        f"jitter p95 {jitter['p95']}, max {jitter['max']} ms; compute p50 {compute['p50']}, p99 {compute['p99']} ms"
+        f"{kept.ticks} ticks at {kept.ticks / flown_s:g} Hz: {kept.late_ticks} late{late}; "
+        f"jitter p95 {milliseconds(jitter.p95)}, max {milliseconds(jitter.max)} ms; "
+        f"compute p50 {milliseconds(compute.p50)}, p99 {milliseconds(compute.p99)} ms"
     )
 
 

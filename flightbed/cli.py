@@ -116,7 +116,7 @@ def run(
         parts = {"rerun": rerun != "off", "report": report == "save"}
         result = fly(settings, place, **parts, replace=out is not None, pace=pace, live=live)
     if json:
-        print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))
+        print(json_module.dumps({**result.summary.to_dict(), "folder": str(result.folder)}, indent=2))
     else:
         from flightbed.screen import run_lines
 

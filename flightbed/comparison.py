@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, inf, isfinite
 from pathlib import Path
@@ -19,27 +19,28 @@ from flightbed.consistency import idle_keys
 from flightbed.document import Cell, Table
 from flightbed.errors import FlightbedError, OutputError
 from flightbed.folder import folder_of
-from flightbed.metrics import SETTLING_S
+from flightbed.metrics import SETTLING_S, EstimatorMetrics
 from flightbed.naming import estimate_name
+from flightbed.run_summary import RunSummary
 from flightbed.scenario import load_scenario
 from flightbed.trace import Trace, Vector, read_trace
 
-# heading, with its unit -> key in metrics.json
-_FLIGHT = {
-    "at a stop, share": "elevator_at_stop_share",
-    "flown, s": "flown_s",
+# heading, with its unit -> value
+_FLIGHT: Mapping[str, Callable[[RunSummary], float | None]] = {
+    "at a stop, share": lambda summary: summary.elevator_at_stop_share,
+    "flown, s": lambda summary: summary.flown_s,
 }
-_PULL_UP = {
-    "pull-up: overshoot, share": "pull_up_overshoot",
-    "- undershoot, share": "pull_up_undershoot",
-    "- elevator above 5 Hz, deg": "pull_up_flutter_deg",
+_PULL_UP: Mapping[str, Callable[[RunSummary], float | None]] = {
+    "pull-up: overshoot, share": lambda summary: summary.metrics.pull_up_overshoot,
+    "- undershoot, share": lambda summary: summary.metrics.pull_up_undershoot,
+    "- elevator above 5 Hz, deg": lambda summary: summary.metrics.pull_up_flutter_deg,
 }
-_ESTIMATOR = {
-    "- median error, share": "median_abs_error_post",
-    "- RMS smoothed, share": "rms_error_smoothed_post",
-    "- within 20 %, s": "first_within_20pct_s",
-    "- change found, s": "detected_at_s",
-    "- mean NIS, 1": "nis_mean",
+_ESTIMATOR: Mapping[str, Callable[[EstimatorMetrics], float | None]] = {
+    "- median error, share": lambda measured: measured.median_abs_error_post,
+    "- RMS smoothed, share": lambda measured: measured.rms_error_smoothed_post,
+    "- within 20 %, s": lambda measured: measured.first_within_20pct_s,
+    "- change found, s": lambda measured: measured.detected_at_s,
+    "- mean NIS, 1": lambda measured: measured.nis_mean,
 }
 _NOTE = (
     "RMS is of q - q_ref, or of nz, p and beta less their references, of all runs over the same time, as long as each flew. Of each "
@@ -68,7 +69,7 @@ class Run:
     label: str
     color: str
     trace: Trace
-    summary: Mapping[str, Any]
+    summary: RunSummary
     settings: Mapping[str, Any]
     idle: Collection[str]
     watched: str | None
@@ -93,7 +94,7 @@ class Run:
     @property
     def outcome(self) -> str:
         """How it ended, in a few words."""
-        return outcome(dict(self.summary)).partition(",")[0]
+        return outcome(self.summary).partition(",")[0]
 
 
 def load_runs(folders: Sequence[str | Path]) -> tuple[Run, ...]:
@@ -123,7 +124,7 @@ def short_name(runs: Sequence[Run]) -> str:
 
 class _Read(NamedTuple):
     settings: dict[str, Any]
-    summary: dict[str, Any]
+    summary: RunSummary
     place: Path
     idle: Collection[str]
     watched: str | None
@@ -136,12 +137,15 @@ def _read(place: Path) -> _Read:
             raise OutputError(f"{place}: not a run's folder (no {file})")
     try:
         scenario = tomllib.loads((place / "scenario.toml").read_text(encoding="utf-8"))
-        summary = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
+        stored = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise OutputError(f"{place}: cannot be read: {error}") from None
     settings = _flat(scenario)
-    wanted = ("estimators", "flown_s", "failed_at_s", "departed", "departed_at_s", "ended")
-    if not {"name", "rates.control_hz"} <= set(settings) or not all(key in summary for key in wanted):
+    try:
+        summary = RunSummary.from_dict(stored)
+    except ValueError:
+        summary = None
+    if summary is None or not {"name", "rates.control_hz"} <= set(settings):
         raise OutputError(f"{place}: not a run of this version of flightbed; fly its scenario.toml again")
     names = [str(estimator.get("name", i)) for i, estimator in enumerate(scenario.get("estimators", ()))]
 
@@ -217,13 +221,13 @@ def metrics_table(runs: Sequence[Run]) -> Table:
     rows.append(["largest |nz|, g", *_against_first([_largest(run, "nz_g") for run in runs])])
     rows += [[text, *_against_first(values)] for text, values in tracking(runs).items()]
     if any("nz_ref_g" in run.trace.columns for run in runs):
-        rows += [[text, *_against_first([run.summary.get(key) for run in runs])] for text, key in _PULL_UP.items()]
-    rows += [[text, *_against_first([run.summary.get(key) for run in runs])] for text, key in _FLIGHT.items()]
-    for name in dict.fromkeys(name for run in runs for name in run.summary["estimators"]):
+        rows += [[text, *_against_first([value(run.summary) for run in runs])] for text, value in _PULL_UP.items()]
+    rows += [[text, *_against_first([value(run.summary) for run in runs])] for text, value in _FLIGHT.items()]
+    for name in dict.fromkeys(name for run in runs for name in run.summary.metrics.estimators):
         rows.append([name, *("" for _ in runs)])
-        for text, key in _ESTIMATOR.items():
-            values = [run.summary["estimators"].get(name, {}).get(key) for run in runs]
-            rows.append([text, *_against_first(values)])
+        measured = [run.summary.metrics.estimators.get(name) for run in runs]
+        for text, value in _ESTIMATOR.items():
+            rows.append([text, *_against_first([None if one is None else value(one) for one in measured])])
     return Table("metrics", "Metrics", ["", *(run.label for run in runs)], rows, note=_NOTE)
 
 
@@ -290,9 +294,9 @@ def to_dict(runs: Sequence[Run]) -> dict[str, Any]:
     """Return the comparison for JSON: metrics of every run, differences from the first, settings that differ."""
     table, labels = differing(runs), [run.label for run in runs]
     return {
-        "runs": [{"label": run.label, "folder": str(run.folder.resolve()), **run.summary} for run in runs],
+        "runs": [{"label": run.label, "folder": str(run.folder.resolve()), **run.summary.to_dict()} for run in runs],
         "tracking": {text: dict(zip(labels, values, strict=True)) for text, values in tracking(runs).items()},
-        "differences": {run.label: _minus(run.summary, runs[0].summary) for run in runs[1:]},
+        "differences": {run.label: _minus(run.summary.to_dict(), runs[0].summary.to_dict()) for run in runs[1:]},
         "settings": {str(row[0]): dict(zip(table.columns[1:], row[1:], strict=True)) for row in table.rows},
     }
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed import drawing
-from flightbed.campaign import Campaign
+from flightbed.campaign_result import Campaign
 from flightbed.percentiles import PERCENTILES, Ensemble
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from flightbed.trace import true_share
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from flightbed.mission import Result
+    from flightbed.flight_result import Result
 
 _NIS_SHOWN = 18.0  # of an estimator that does not say how many readings it predicts; of others three times the bound
 
@@ -60,14 +60,12 @@ def effectiveness(axes: list[Axes], result: Result) -> str:
         settled = settled[np.isfinite(settled)]
         axis.set_ylim(max(-1.0, min(-0.08, settled.min() - 0.05)), min(3.0, max(1.25, settled.max() + 0.05)))
         axis.set_ylabel("K")
-        m = result.summary["estimators"][name]
+        m = result.metrics.estimators[name]
         inside = np.mean(np.abs(raw - truth) <= 2.0 * std)
-        after = number(m["median_abs_error_post"], ".2g")
-        error = (
-            "" if m["median_abs_error_post"] is None else f"median |K-hat - K| {after} from 0.3 s after the failure, "
-        )
+        after = number(m.median_abs_error_post, ".2g")
+        error = "" if m.median_abs_error_post is None else f"median |K-hat - K| {after} from 0.3 s after the failure, "
         words.append(
-            f"'{name}' ends at {number(m['final'], '.3f')} (truth {truth[-1]:.3f}), {error}truth within +-2 sigma in "
+            f"'{name}' ends at {number(m.final, '.3f')} (truth {truth[-1]:.3f}), {error}truth within +-2 sigma in "
             f"{inside:.0%} of the ticks."
         )
     return " ".join(words)
@@ -77,7 +75,7 @@ def nis(axes: list[Axes], result: Result) -> str:
     """Draw the NIS of each estimator with its 95 % bound; returns means and shares."""
     words = []
     for axis, name in zip(axes, of_surface(telling(result, "nis"), "elevator"), strict=True):
-        readings = result.summary["estimators"][name]["nis_expected"]
+        readings = result.metrics.estimators[name].nis_expected
         bound = None if readings is None else chi_square_bound(readings)
         shown = _NIS_SHOWN if bound is None else 3.0 * bound
         nis = result.trace[f"{name}.nis"][1:]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from flightbed.estimation.following_kernels import ACTUATOR
 from flightbed.loop import DEPARTURE_RAD
 from flightbed.metrics import at_stop, since_s
 from flightbed.pacing import Spell, late_spells
+from flightbed.run_summary import RunSummary
 from flightbed.settings import Failure, GustSettings, Scenario
 from flightbed.trace import Trace, true_share
 from flightbed.units import DEG
@@ -100,7 +100,7 @@ def _declares(trace: Trace, name: str, tick: int) -> str:
 
 
 def events(
-    scenario: Scenario, trace: Trace, summary: dict[str, Any], actuators: Mapping[str, Actuator]
+    scenario: Scenario, trace: Trace, summary: RunSummary, actuators: Mapping[str, Actuator]
 ) -> list[tuple[float, str, bool]]:
     """Return (time in s, text, severe) of what happened, in order of time.
 
@@ -116,15 +116,15 @@ def events(
     told = (
         set(trace.estimators) if len(actuators) == 1 else weak
     )  # nobody looks for a K that has not changed beside one that has
-    for name, m in summary["estimators"].items():
-        since = since_s(trace, name, summary["failed_at_s"])
-        if since is not None and m["first_within_20pct_s"] is not None and name in told:
-            happened.append((since + m["first_within_20pct_s"], f"K of '{name}' within 20 % of the truth", False))
+    for name, m in summary.metrics.estimators.items():
+        since = since_s(trace, name, summary.failed_at_s)
+        if since is not None and m.first_within_20pct_s is not None and name in told:
+            happened.append((since + m.first_within_20pct_s, f"K of '{name}' within 20 % of the truth", False))
     happened += _late(late_spells(trace))
-    if summary["ended"] == "ground":
-        happened.append((summary["flown_s"], "HIT THE GROUND", True))
-    if summary["departed"]:
-        happened.append((summary["departed_at_s"], f"DEPARTED: {why_departed(trace)}", True))
+    if summary.ended == "ground":
+        happened.append((summary.flown_s, "HIT THE GROUND", True))
+    if summary.metrics.departed:
+        happened.append((summary.ended_s, f"DEPARTED: {why_departed(trace)}", True))
     return sorted(happened)
 
 

@@ -20,7 +20,7 @@ from flightbed.estimate_figures import (
     sigma,
     telling,
 )
-from flightbed.metrics import at_stop
+from flightbed.metrics import PHASES, at_stop
 from flightbed.naming import of_surface
 from flightbed.units import DEG
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from flightbed.document import Picture
-    from flightbed.mission import Result
+    from flightbed.flight_result import Result
     from flightbed.settings import Scenario
 
 Vector = npt.NDArray[np.float64]
@@ -124,10 +124,10 @@ def _followed(axis: Axes, result: Result, name: str, suffix: str, label: str, ke
     drawing.line(axis, t, trace[f"{name}_cmd_{suffix}"], color=drawing.COMMAND, linewidth=0.8, label="command")
     drawing.line(axis, t, reference, color=drawing.REFERENCE, label="reference")
     drawing.line(axis, t, flown, color=drawing.ACTUAL, label=name)
-    before, after = (number(summary[f"tracking_rms_{k}_{key}"]) for k in ("pre", "post"))
+    before, after = (number(summary.metrics.tracking_rms(phase, key)) for phase in PHASES)
     error = np.abs(np.where(np.isfinite(flown - reference), flown - reference, 0.0))
     worst = f"largest |{name} - reference| {error.max():.2f} {unit}, at {t[error.argmax()]:.2f} s."
-    if summary["failed_at_s"] is None:
+    if summary.failed_at_s is None:
         return f"RMS of {name} - reference {before} {unit}; {worst}"
     return f"RMS of {name} - reference {before} {unit} before the failure, {after} {unit} from 0.3 s after it; {worst}"
 
@@ -146,12 +146,12 @@ def _roll(axes: list[Axes], result: Result) -> str:
 
 
 def _alpha(axes: list[Axes], result: Result) -> str:
-    t, alpha, trim = result.trace["t_s"], result.trace["alpha_deg"], result.summary["trim"]["alpha_deg"]
+    t, alpha, trim = result.trace["t_s"], result.trace["alpha_deg"], result.summary.trim.alpha_deg
     drawing.line(axes[0], t, alpha, color=drawing.ACTUAL, label="alpha")
     axes[0].axhline(trim, color=drawing.OTHER, linestyle="--", linewidth=0.9, label="trim")
     axes[0].set_ylabel("angle of attack, deg")
     away = np.abs(np.where(np.isfinite(alpha), alpha, trim) - trim)
-    departs = " More than 25 deg counts as departed." if result.summary["departed"] else ""
+    departs = " More than 25 deg counts as departed." if result.summary.metrics.departed else ""
     return (
         f"{_range(alpha, '.2f', 'deg')}; trimmed at {trim:.3f} deg, at most {away.max():.2f} deg from it, "
         f"at {t[away.argmax()]:.2f} s.{departs}"

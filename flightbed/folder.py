@@ -19,7 +19,7 @@ from flightbed.pacing import heap_set_aside
 if TYPE_CHECKING:
     from flightbed.comparison import Run
     from flightbed.document import Document
-    from flightbed.mission import Result
+    from flightbed.flight_result import Result
     from flightbed.telemetry.shown import Shown
 
 RUN_FILES = frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"})
@@ -64,7 +64,7 @@ def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replac
 
     def write(new: Path) -> None:
         (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
-        (new / "metrics.json").write_text(to_json(result.summary), encoding="utf-8")
+        (new / "metrics.json").write_text(to_json(result.summary.to_dict()), encoding="utf-8")
         result.trace.write(new / "trace.parquet")
         if rerun:
             _record(result, new / "flight.rrd")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isfinite, log10
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,8 @@ Vector = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 SETTLING_S = 0.3  # "post" starts this long after the failure: one window of the thesis
+Phase = Literal["pre", "post"]  # before the first failure; from SETTLING_S after it
+PHASES: tuple[Phase, Phase] = ("pre", "post")
 BAND = 0.2  # of the true K: the thesis's settling band
 
 
@@ -95,6 +97,17 @@ class Metrics:
     pull_up_undershoot: float | None = None
     pull_up_disturbance_g: float | None = None
     pull_up_flutter_deg: float | None = None
+
+    def tracking_rms(self, phase: Phase, quantity: str) -> float | None:
+        """Return the tracking RMS of one quantity.
+
+        Args:
+            phase: before the first failure, or from 0.3 s after it.
+            quantity: end of the attribute's name: ``deg_s`` (pitch rate), ``p_deg_s``, ``beta_deg`` or ``nz_g``.
+
+        """
+        value: float | None = getattr(self, f"tracking_rms_{phase}_{quantity}")
+        return value
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values, ready for JSON."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any
 
@@ -12,7 +13,7 @@ from flightbed import drawing
 from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.mission import run
-from flightbed.pacing import WallClock
+from flightbed.pacing import Punctuality, WallClock
 from flightbed.scenario import load_scenario
 from flightbed.statistics import share, spread
 from flightbed.studies.base import Flights, Part, keyed
@@ -119,7 +120,8 @@ def real_time(scenario: str = "elevator-loss", overrides: tuple[str, ...] = ()) 
 
     def build(_flights: Flights) -> Section:
         flown = run(load_scenario(scenario, overrides), pace=WallClock())
-        kept = flown.summary["realtime"]
+        kept = flown.summary.realtime
+        assert kept is not None  # the flight is paced
         return Section(
             "(f) Real time",
             [
@@ -133,12 +135,12 @@ def real_time(scenario: str = "elevator-loss", overrides: tuple[str, ...] = ()) 
     return Part([], build)
 
 
-def _kept(scenario: str, kept: Mapping[str, Any]) -> Table:
+def _kept(scenario: str, kept: Punctuality) -> Table:
     rows: list[list[Cell]] = [
-        ["ticks", float(kept["ticks"])], ["late ticks", float(kept["late_ticks"])], ["worst overrun, ms", kept["worst_overrun_ms"]],
-        *([f"{name} {p}, ms", kept[key][p]] for key, name in (("jitter_ms", "begins late,"), ("compute_ms", "computes,"))
-          for p in kept[key]),
-        ["achieved, Hz", kept["achieved_hz"]],
+        ["ticks", float(kept.ticks)], ["late ticks", float(kept.late_ticks)], ["worst overrun, ms", kept.worst_overrun_ms],
+        *([f"{name} {percentile}, ms", value] for spread, name in ((kept.jitter_ms, "begins late,"), (kept.compute_ms, "computes,"))
+          for percentile, value in asdict(spread).items()),
+        ["achieved, Hz", kept.achieved_hz],
     ]  # fmt: skip
     return Table("real_time", f"{scenario} at the pace of the clock", ("quantity", "value"), rows, {"value": ".4g"})
 
