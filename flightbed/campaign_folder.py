@@ -17,7 +17,7 @@ from flightbed.programme import Programme, scenario_of
 
 
 def finish(campaign: Campaign, book: Journal) -> None:
-    """Write what a finished campaign leaves, the summary last, and take away what told of an unfinished one. Raises OutputError."""
+    """Write the files of a finished campaign, the summary last, and remove the files of the unfinished one. Raises OutputError."""
     from flightbed.campaign_report import campaign_report
     from flightbed.page import render
 

@@ -1,4 +1,4 @@
-"""What a report says of the points of a campaign: what is varied, a table with a row a point, and heat maps of two crossed axes."""
+"""Points of a campaign in its report: the axes, a table with one row per point, heat maps of two crossed axes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from flightbed.programme import values_of
 from flightbed.settings import AxisSettings, Criterion
 from flightbed.statistics import Interval
 
-_MOST = 200  # points that the table of the page tells; all are in summary.json
-_LABELLED = 150  # cells of a heat map in which a number can still be read
+_MOST = 200  # points in the table of the page; summary.json has all
+_LABELLED = 150  # cells of a heat map with a legible number in each
 
 
 def points_section(campaign: Campaign) -> list[Section]:
-    """Return the section on the points; none of a campaign that has one and varies nothing."""
+    """Return the section on the points; none for a campaign without axes."""
     if not campaign.programme.axes:
         return []
     rows: list[list[Cell]] = [[axis.key, axis_words(axis)] for axis in campaign.programme.axes]
@@ -42,33 +42,33 @@ def axis_words(axis: AxisSettings) -> str:
         ]
         return f"drawn for every flight, normal, mean {axis.mean:g}, standard deviation {axis.std:g}{', ' if ends else ''}{', '.join(ends)}"
     values = values_of(axis)
-    told = (
+    text = (
         ", ".join(map(value_words, values))
         if len(values) <= 12
         else f"{value_words(values[0])} to {value_words(values[-1])}"
     )
-    return f"{told} ({len(values)})"
+    return f"{text} ({len(values)})"
 
 
 def value_words(value: Any) -> str:
-    """Return a value of an axis as a table or figure shows it."""
+    """Return a value of an axis as text for tables and figures."""
     return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def criteria_words(criteria: Sequence[Criterion]) -> str:
-    """Return in words what a flight has to keep to pass."""
-    told = []
+    """Return the criteria of a flight that passes, in words."""
+    texts = []
     for c in criteria:
         if c.equals is not None:
-            told.append(f"{c.metric} = {value_words(c.equals)}")
+            texts.append(f"{c.metric} = {value_words(c.equals)}")
         else:
             ends = [("at least", c.min), ("at most", c.max)]
-            told.append(f"{c.metric} {' and '.join(f'{word} {end:g}' for word, end in ends if end is not None)}")
-    return "; ".join(told)
+            texts.append(f"{c.metric} {' and '.join(f'{word} {end:g}' for word, end in ends if end is not None)}")
+    return "; ".join(texts)
 
 
 def points_table(campaign: Campaign, estimators: Sequence[str]) -> Table:
-    """Return a row a point: how many departed and passed, medians of tracking and of what says most of each of these estimators."""
+    """Return a table with one row per point: shares that departed and passed, medians of tracking and of one metric per estimator."""
     keys = [axis.key for axis in campaign.programme.axes if not axis.is_drawn]
     summary = campaign.summary
     judged, failed = summary.flights.passed is not None, bool(summary.errors)
@@ -121,7 +121,7 @@ def _percent(of: ShareSummary | None) -> Cell:
 
 
 def _maps(campaign: Campaign) -> list[Picture]:
-    """Draw, over two crossed axes, the share that passed (departed, without criteria) and the median tracking."""
+    """Draw the share that passed (without criteria: departed) and the median tracking over two crossed axes."""
     settings = campaign.programme.settings
     axes = [axis for axis in campaign.programme.axes if not axis.is_drawn]
     if settings is None or settings.combine != "crossed" or len(axes) != 2:

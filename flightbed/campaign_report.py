@@ -1,4 +1,4 @@
-"""Campaign -> its report: how many departed, its points, distributions, histories, medians, the worst flight."""
+"""Campaign -> its report: headline, points, distributions, histories, medians, the worst flight."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from flightbed.units import unit_of
 Line = tuple[str, str, list[float]]  # name, colour, values
 
 _BINS = 30
-_MOST_ERRORS = 20  # that the page tells
+_MOST_ERRORS = 20  # different messages on the page
 _MEANINGS = {
     "departed_at_s": "departure, over the flights that departed",
     "flown_s": "time flown",
@@ -44,7 +44,7 @@ _MEANINGS = {
 
 
 def campaign_report(campaign: Campaign) -> Document:
-    """Return the report of a campaign; the same for the same flights, but for the time that they took."""
+    """Return the report of a campaign; equal flights give an equal report, apart from the wall time."""
     scenario, programme, worst, summary = campaign.scenario, campaign.programme, campaign.worst, campaign.summary
     aircraft = scenario.aircraft.model if worst is None else worst.plan.aircraft.name
     seeds, condition = _seeds(campaign), f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
@@ -139,7 +139,7 @@ def _medians(summary: CampaignSummary) -> list[Table]:
 
 
 def _closed(interval: Interval | None) -> Cell:
-    """Return an interval for a table; its estimate alone where it is open."""
+    """Return an interval for a table cell; only its estimate where an end is infinite."""
     if interval is None or np.isfinite([interval.low, interval.high]).all():
         return interval
     return interval.estimate
@@ -202,7 +202,7 @@ def _distributions(campaign: Campaign) -> list[Picture]:
 def _histogram(
     key: str, title: str, text: str, label: str, lines: Sequence[Line], tick_s: float | None = None
 ) -> Picture | None:
-    """Draw how often which values occur, each kind on axes of its own; None if there are none. Times come in whole ticks."""
+    """Draw a histogram per line, each on its own axes; None without values. Bins of times hold whole ticks."""
     shown = [(name, color, [v for v in values if np.isfinite(v)]) for name, color, values in lines]
     shown = [(name, color, values) for name, color, values in shown if values]
     if not shown:
@@ -230,7 +230,7 @@ def _range(values: Sequence[float]) -> str:
 
 
 def _edges(low: float, high: float, tick_s: float | None) -> list[float]:
-    """Return the edges of the bins from a least to a largest value; of times, with whole ticks in their middle."""
+    """Return the edges of the bins from the smallest to the largest value; bins of times are centred on whole ticks."""
     if tick_s is None:
         pad = 0.0 if high - low > 1e-9 * abs(high) else 0.05 * (abs(high) or 1.0)
         edges: list[float] = np.linspace(low - pad, high + pad, _BINS + 1).tolist()
@@ -240,9 +240,9 @@ def _edges(low: float, high: float, tick_s: float | None) -> list[float]:
     return [(first - 0.5 + each * i) * tick_s for i in range((last - first) // each + 2)]
 
 
-def _worst(worst: Result, told: WorstSummary) -> Section:
+def _worst(worst: Result, found: WorstSummary) -> Section:
     stayed = f"; {outcome(worst.summary)}" if worst.summary.ended == "time" else ""
-    label = flight_label(told)
-    text = f"{label[0].upper()}{label[1:-2]}: {told.reason}{stayed}."
-    listing = Listing("It flies again, with a report of its own, by", told.rerun_command)
+    label = flight_label(found)
+    text = f"{label[0].upper()}{label[1:-2]}: {found.reason}{stayed}."
+    listing = Listing("It flies again, with a report of its own, by", found.rerun_command)
     return Section("The worst flight", (text,), [listing, *pictures(worst, ("pitch-rate", "effectiveness"))])

@@ -1,4 +1,4 @@
-"""The figures of a flight: what it did against what it should, its surfaces, where it went; the table of all figures."""
+"""Figures of a flight: references and responses, surfaces, flight condition; the table of all figures."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ class Figure:
     """One figure.
 
     Attributes:
-        title: what it shows.
-        text: what the lines are, in words.
-        rows: flight -> number of axes.
-        draw: draws on them, returns computed facts in words.
+        title: heading.
+        text: explanation of the lines.
+        rows: flight -> number of axes, 0 for a flight without this figure.
+        draw: draws on the axes, returns computed facts in words.
         height: of each of the axes, inches.
 
     """
@@ -61,7 +61,7 @@ def pictures(result: Result, keys: tuple[str, ...] | None = None) -> list[Pictur
 
     Args:
         result: the flight.
-        keys: of ``FIGURES``, which; all that say something about the flight if None.
+        keys: of ``FIGURES``; None for all figures that apply to the flight.
 
     """
     wanted = FIGURES if keys is None else {key: FIGURES[key] for key in keys}
@@ -83,7 +83,7 @@ def _picture(key: str, figure: Figure, result: Result) -> Picture:
 
 
 def mark_changes(axes: Axes, scenario: Scenario, end_s: float, *, name: bool) -> None:
-    """Draw when failures begin, and gusts, as far as the flight got; with a name in the legend if wanted."""
+    """Draw a vertical line at the onset of every failure and gust before ``end_s``; ``name`` adds it to the legend."""
     for kind, color, times in (
         ("failure", drawing.FAILURE, [f.at_s for f in scenario.failures]),
         ("gust", drawing.OTHER, [g.at_s for g in scenario.gusts]),
@@ -114,7 +114,7 @@ def _pitch_rate(axes: list[Axes], result: Result) -> str:
 
 
 def _followed(axis: Axes, result: Result, name: str, suffix: str, label: str, key: str) -> str:
-    """Draw what follows a reference: columns NAME_SUFFIX, NAME_cmd_SUFFIX, NAME_ref_SUFFIX; ``key`` ends its metrics."""
+    """Draw a quantity, its command and its reference: columns NAME_SUFFIX, NAME_cmd_SUFFIX, NAME_ref_SUFFIX; ``key`` ends its metrics."""
     trace, summary, unit = result.trace, result.summary, label.rpartition(", ")[2]
     t, flown, reference = trace["t_s"], trace[f"{name}_{suffix}"], trace[f"{name}_ref_{suffix}"]
     axis.set_ylabel(label)
@@ -194,7 +194,7 @@ _GUST = ("gust_up_fps", "gust, ft/s up", ".1f", "ft/s")
 
 
 def _turning(rows: int) -> Callable[[Result], int]:
-    """Return rows of a figure that only flights with roll and yaw of their own have."""
+    """Return the number of axes of a figure for flights with commanded aileron and rudder."""
     return lambda result: rows if result.plan.lateral is not None else 0
 
 

@@ -1,4 +1,4 @@
-"""Result -> the report of a flight: what flew, what failed, how it ended, figures, all numbers, and how to fly it again."""
+"""Result -> the report of a flight: settings, failures, outcome, figures, all numbers, and the command that repeats it."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ ESTIMATOR_METRICS = MappingProxyType(
         "efficiency": ("1", "mean square that the Cramer-Rao bound allows over the mean square error"),
     }
 )
-_MOST_EVENTS = 100  # that the event log of the page tells
+_MOST_EVENTS = 100  # in the event log of the page
 _GAINS = MappingProxyType(
     {"alpha": "rad/rad", "q": "s", "elevator": "rad/rad", "reference": "s", "integral": "rad/rad"}
 )
 
 
 def run_report(result: Result) -> Document:
-    """Return the report of a flight; the same for the same flight, but for the time that it took.
+    """Return the report of a flight; equal flights give an equal report, apart from the wall time.
 
     Args:
         result: the flight, as ``mission.run`` returns it, written to a folder or not.
@@ -75,7 +75,7 @@ def run_report(result: Result) -> Document:
 
 
 def headline(result: Result) -> str:
-    """Return in a few sentences what flew, what failed, what was done about it, and how it ended."""
+    """Return failures, law, correction and outcome in a few sentences."""
     scenario, summary = result.plan.scenario, result.summary
     happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "nothing fails"
     return (
@@ -85,7 +85,7 @@ def headline(result: Result) -> str:
 
 
 def _lead(result: Result) -> Section:
-    """Return what a reader should know after ten seconds."""
+    """Return the first section: headline and the main numbers."""
     scenario, summary, trace = result.plan.scenario, result.summary, result.trace
     away = np.abs(trace["alpha_deg"] - summary.trim.alpha_deg)
     failed = summary.failed_at_s is not None
@@ -157,7 +157,7 @@ def _numbers(result: Result) -> Section:
 
 
 def _events(result: Result) -> Table:
-    """Return the event log; of very many events the severe ones and the first others."""
+    """Return the event log; of more than ``_MOST_EVENTS`` only the severe ones and the first others."""
     happened = events(result.plan.scenario, result.trace, result.summary, result.plan.actuators)
     others = [i for i, (_, _, severe) in enumerate(happened) if not severe]
     left_out = set(others[_MOST_EVENTS:])
@@ -207,13 +207,13 @@ def _matrices(design: ShortPeriod, hz: int) -> list[Table]:
 
 
 def rerun_command(toml: str, override: str, versions: Mapping[str, str], own: Sequence[str]) -> Section:
-    """Return the section that says how to fly something again: the command, the scenario, what else has to be the same.
+    """Return the section with the command that repeats a flight, the scenario, and the versions.
 
     Args:
         toml: the complete scenario.
-        override: what the command adds to it, such as ``" --set KEY=VALUE"``.
+        override: options of the command, such as ``" --set KEY=VALUE"``.
         versions: package -> version.
-        own: names of code outside flightbed that no command can permit.
+        own: names of own code that no command line can permit.
 
     """
     packages = " ".join(f"{name}=={value}" for name, value in versions.items() if name not in ("flightbed", "python"))

@@ -1,4 +1,4 @@
-"""What the command line shows: results -> lines and tables for a terminal, and a bar while they are flown."""
+"""Terminal output: results -> lines and tables, and a progress bar."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from flightbed.metrics import EstimatorMetrics, Metrics
     from flightbed.run_summary import RunSummary
 
-_POINTS = 20  # of a campaign, at most, that a terminal is told of
+_POINTS = 20  # most points of a campaign with a table on a terminal
 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[int, int], None]]:
-    """Show on stderr, if that is a terminal, how many flights are done, the rate, the time left; gives the function to tell it by."""
+    """Show progress on stderr, if it is a terminal: flights done, rate, time left; yields the function to update it."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -57,7 +57,7 @@ def progress_bar() -> Iterator[Callable[[int, int], None]]:
 
 
 def run_lines(result: Result) -> Iterator[RenderableType]:
-    """Tell how a flight went."""
+    """Yield the lines on a flight."""
     summary, scenario = result.summary, result.plan.scenario
     trim, metrics, gains_of_law = summary.trim, summary.metrics, summary.gains
     poles = ", ".join(f"{p.real:+.2f}{f'{p.imag:+.2f}j' if p.imag else ''}" for p in summary.short_period.poles_rad_s)
@@ -90,7 +90,7 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
 
 
 def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableType]:
-    """Tell how runs differ: metrics, settings, and where the rest is."""
+    """Yield the lines on compared runs: metrics, settings that differ, folder."""
     from flightbed.comparison import differing, metrics_table
 
     for table in (metrics_table(runs), differing(runs)):
@@ -116,14 +116,14 @@ def _own_code(summary: RunSummary) -> str:
 
 
 def _tracked(summary: RunSummary, what: str, key: str, unit: str) -> str:
-    """Return in words how well a reference was followed, see ``card.followed``."""
+    """Return the tracking RMS of one quantity of ``card.followed`` in words."""
     before, after = (summary.metrics.tracking_rms(phase, key) for phase in PHASES)
     words = f"RMS of {what} {_number(before)} {unit}"
     return words if summary.failed_at_s is None else f"{words}, {_number(after)} {unit} from 0.3 s after the failure"
 
 
 def _pull_up(metrics: Metrics) -> str:
-    """Return in words how the first pulse of a flight in g went."""
+    """Return the metrics of a pull-up in words."""
     under, flutter = metrics.pull_up_undershoot, metrics.pull_up_flutter_deg
     return (
         f"overshoot {_number(metrics.pull_up_overshoot, '.1%')}"
@@ -151,7 +151,7 @@ def _estimates(metrics: Metrics) -> Table:
 
 
 def nis_words(measured: EstimatorMetrics) -> str:
-    """Return the mean NIS, and in brackets what it is if the estimator's model holds."""
+    """Return the mean NIS, and in brackets its expectation under the estimator's model."""
     expected = measured.nis_expected
     return _number(measured.nis_mean) + ("" if expected is None else f" ({expected:g})")
 
@@ -161,16 +161,16 @@ def _number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
 
 
 def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType]:
-    """Tell how the flights of a campaign went: how many departed, the medians, the worst, and where the rest is."""
+    """Yield the lines on a campaign: headline, medians, points, the worst flight, folder."""
     from flightbed.campaign_lead import lead
     from flightbed.campaign_points import points_table
 
-    told = lead(campaign)
+    first = lead(campaign)
     yield Text.from_markup(f"[bold]{campaign.programme.name}[/bold]: {escape(campaign.programme.description)}")
-    for paragraph in told.text:
+    for paragraph in first.text:
         yield Padding(escape(paragraph), (0, 2))
     few = 1 < len(campaign.programme.points) <= _POINTS
-    for table in (*told.items, *([_without("flights", points_table(campaign, estimators=()))] if few else [])):
+    for table in (*first.items, *([_without("flights", points_table(campaign, estimators=()))] if few else [])):
         if isinstance(table, Rows):
             grid = Table(box=None, header_style="dim", padding=(0, 1))
             for column in table.columns:
@@ -193,7 +193,7 @@ def _without(column: str, table: Rows) -> Rows:
 
 
 def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
-    """Tell what a study found: its first table, its claims, and where the rest is."""
+    """Yield the lines on a study: its first table, its claims, folder."""
     table, claims, facts = document.tables()[0], document.claims(), document.facts
     yield Text(document.title, style="bold")
     grid = Table(box=None, header_style="dim", padding=(0, 1))
@@ -203,13 +203,13 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
         grid.add_row(*(escape(cell) for cell in table.shown(row)))
     yield grid
     yield Padding(Text(table.note, style="dim"), (0, 1))
-    told = Table(box=None, show_header=False, padding=(0, 1))
+    verdicts = Table(box=None, show_header=False, padding=(0, 1))
     for claim in claims:
         verdict = {True: "[green]holds[/green]", False: "[red]no[/red]", None: "[dim]open[/dim]"}[claim.holds]
-        told.add_row(
+        verdicts.add_row(
             verdict, f"{escape(claim.text)} [dim]{escape(claim.measured)}: {show(claim.interval, '.3g')}[/dim]"
         )
-    yield told
+    yield verdicts
     held = sum(bool(claim.holds) for claim in claims)
     yield (
         f"  {held} of {len(claims)} claims hold; {facts['flights']} runs in {facts['wall_time_s']:.0f} s; "
@@ -218,7 +218,7 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
 
 
 def list_lines(family: str | None) -> Iterator[RenderableType]:
-    """Tell what there is, one line each: of one family, or of all."""
+    """Yield names and descriptions, one per line, of one family or of all."""
     from flightbed import data, registry
     from flightbed.linear_aircraft import load_flyable
     from flightbed.scenario import load_scenario, read_toml
