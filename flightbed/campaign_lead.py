@@ -64,8 +64,8 @@ def lead(campaign: Campaign) -> Section:
         "median |K-hat - K|",
         "within 20 % after, s",
         "alarm after, s",
-        "mean NIS (if right)",
-        "NEES (1 is right)",
+        "mean NIS (expected)",
+        "NEES (expected: 1)",
     )
     rows: list[list[Cell]] = [
         [name, *(median_cell(summary.quantity(f"{name}.{key}")) for key in keys)] for name in campaign.estimators

@@ -26,7 +26,7 @@ def points_section(campaign: Campaign) -> list[Section]:
     if not campaign.programme.axes:
         return []
     rows: list[list[Cell]] = [[axis.key, axis_words(axis)] for axis in campaign.programme.axes]
-    items: list[Table | Picture] = [Table("axes", "What is varied", ("key", "values"), rows)]
+    items: list[Table | Picture] = [Table("axes", "Axes", ("key", "values"), rows)]
     if len(campaign.programme.points) > 1:
         items += [*_maps(campaign), points_table(campaign, campaign.estimators)]
     return [Section("Over the points", (), items)]

@@ -58,15 +58,15 @@ def campaign_report(campaign: Campaign) -> Document:
         "versions": dict(summary.versions),
     }
     what = [row if row[0] != "seed" else ("seeds", seeds) for row in flown(scenario, aircraft)]
-    varied = "What flew" if len(programme.axes) == 0 else "What flew, but for what is varied"
+    title_of_settings = "Settings" if len(programme.axes) == 0 else "Fixed settings"
     sections = [
         *points_section(campaign),
-        Section(varied, (), [Table("flown", "The flights", ("", ""), what)]),
+        Section(title_of_settings, (), [Table("flown", "The flights", ("", ""), what)]),
         *([_failures(summary)] if summary.errors else []),
     ]
     if worst is not None and summary.worst is not None:
         sections += [
-            Section("How the flights differ", (), _distributions(campaign)),
+            Section("Distributions", (), _distributions(campaign)),
             *histories_sections(campaign),
             Section(
                 "Medians and means",
@@ -103,15 +103,15 @@ def _failures(summary: CampaignSummary) -> Section:
         [len(error.indices), ", ".join(map(str, error.indices[:5])) + (", ..." if len(error.indices) > 5 else ""), error.message]
         for error in sorted(summary.errors, key=lambda error: -len(error.indices))[:_MOST_ERRORS]
     ]  # fmt: skip
-    text = f"{summary.flights.errors} of {summary.flights.flights} flights raised an error; they are in no other number of this page."
+    text = f"{summary.flights.errors} of {summary.flights.flights} flights raised an error; no other number on this page includes them."
     return Section("Flights that failed", (text,), [Table("errors", "Errors", ("flights", "indices", "error"), rows)])
 
 
 def _medians(summary: CampaignSummary) -> list[Table]:
     columns = ("metric", "unit", "median (95 % interval)", "mean (95 % interval)", "5 %", "95 %", "flights", "never in")
     note = (
-        "The median's interval holds it with at least 95 % whatever the distribution; fewer than 6 flights leave it open. What never "
-        "happened counts as infinite in it, and is left out of the range from 5 to 95 %; there is no mean then. The mean's interval "
+        "The median's interval is exact for any distribution, at least 95 %; with fewer than 6 flights it is open. An event that did not "
+        "occur counts as infinite in the median; the 5 and 95 % percentiles leave it out, and the mean is not defined. The mean's interval "
         f"is bootstrapped (BCa, {RESAMPLES} resamples from the campaign's seed), from {FEWEST} flights on."
     )
     tables, known = [], dict[str, None]()
@@ -134,7 +134,7 @@ def _medians(summary: CampaignSummary) -> list[Table]:
         title = f"Estimator '{owner}'" if owner else "The flights"
         key, spec = (f"medians-{owner}", ".3g") if owner else ("medians", ".4g")
         tables.append(Table(key, title, columns, rows, dict.fromkeys(columns, spec), "" if owner else note))
-    tables.append(Table("meanings", "What they are", ("metric", "meaning"), [[key, _MEANINGS[key]] for key in known]))
+    tables.append(Table("meanings", "Metrics", ("metric", "meaning"), [[key, _MEANINGS[key]] for key in known]))
     return tables
 
 
@@ -160,9 +160,9 @@ def _tracked(summary: CampaignSummary) -> Table:
         "bootstrapped 95 % interval",
     )
     note = (
-        f"Exact: between order statistics, whatever the distribution; of the mean there is none. Bootstrapped from {RESAMPLES} resamples: "
+        f"Exact: between order statistics, for any distribution; none for the mean. Bootstrapped from {RESAMPLES} resamples: "
         f"the mean BCa, from {FEWEST} flights on; percentiles by the percentile method, from {FEWEST_OF_PERCENTILE} on; at 5 and 95 % "
-        "these hold what they should too seldom, of 100 flights in about 86 % of campaigns."
+        "their coverage is too low, about 86 % with 100 flights."
     )
     return Table("tracked", "Tracking", columns, rows, dict.fromkeys(columns, ".4g"), note)
 
@@ -244,5 +244,5 @@ def _worst(worst: Result, found: WorstSummary) -> Section:
     stayed = f"; {outcome(worst.summary)}" if worst.summary.ended == "time" else ""
     label = flight_label(found)
     text = f"{label[0].upper()}{label[1:-2]}: {found.reason}{stayed}."
-    listing = Listing("It flies again, with a report of its own, by", found.rerun_command)
+    listing = Listing("Command that repeats this flight, with its own report", found.rerun_command)
     return Section("The worst flight", (text,), [listing, *pictures(worst, ("pitch-rate", "effectiveness"))])

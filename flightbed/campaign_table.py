@@ -18,7 +18,7 @@ from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.programme import Flight
 from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.settings import Criterion, Scenario
-from flightbed.statistics import Interval, Spread, median_interval, quantile_interval, share, spread
+from flightbed.statistics import Interval, median_interval, quantile_interval, share
 from flightbed.units import unit_of
 
 Value = int | float | bool | str | None
@@ -90,11 +90,6 @@ class Quantity:
     def median(self) -> Interval:
         """Median, with its exact distribution-free 95 % interval; an event that did not occur counts as infinite."""
         return median_interval(self.known)
-
-    @property
-    def spread(self) -> Spread:
-        """Median and 5-95 % range of the finite values."""
-        return spread(self.known)
 
     @property
     def _happened(self) -> list[float]:

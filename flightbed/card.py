@@ -24,7 +24,7 @@ def run_card(scenario: Scenario, summary: RunSummary) -> str:
     own = "; ".join(f"{code.name}, SHA-256 {(code.sha256 or 'unknown')[:12]}" for code in summary.extensions)
     own_line = f"- own code: {own}\n" if own else ""
     table = (
-        f"| estimator | median abs. error | smoothed RMS error | first within 20 %, s | mean NIS | NIS if right |\n"
+        f"| estimator | median abs. error | smoothed RMS error | first within 20 %, s | mean NIS | expected NIS |\n"
         f"|---|---|---|---|---|---|\n{estimators}\n"
     )
     return (

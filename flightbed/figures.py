@@ -120,7 +120,7 @@ def _followed(axis: Axes, result: Result, name: str, suffix: str, label: str, ke
     axis.set_ylabel(label)
     if not np.any(np.isfinite(reference)):
         drawing.line(axis, t, flown, color=drawing.ACTUAL, label=name)
-        return f"{_range(flown, '+.2f', unit)}; no {name} is asked for."
+        return f"{_range(flown, '+.2f', unit)}; no {name} is commanded."
     drawing.line(axis, t, trace[f"{name}_cmd_{suffix}"], color=drawing.COMMAND, linewidth=0.8, label="command")
     drawing.line(axis, t, reference, color=drawing.REFERENCE, label="reference")
     drawing.line(axis, t, flown, color=drawing.ACTUAL, label=name)
@@ -214,41 +214,41 @@ def _condition(axes: list[Axes], result: Result) -> str:
 
 FIGURES = {
     "pitch-rate": Figure(
-        "Pitch rate", "What the pilot asks for, the prefiltered reference, and what the aircraft does.", _one, _pitch_rate
+        "Pitch rate", "Command, prefiltered reference and response.", _one, _pitch_rate
     ),
     "load-factor": Figure(
-        "Load factor", "The command over level flight at the measured attitude, its reference, and what the aircraft does.",
+        "Load factor", "Command over level flight at the measured attitude, reference and response.",
         lambda result: int(result.plan.scenario.in_g), _load_factor,
     ),
-    "alpha": Figure("Angle of attack", "To the air, gusts included.", _one, _alpha),
-    "elevator": Figure("Elevator", "What the law commands and where the surface is; trailing edge down is positive.", _one, _elevator),
+    "alpha": Figure("Angle of attack", "Relative to the air, gusts included.", _one, _alpha),
+    "elevator": Figure("Elevator", "Command of the law and position of the surface; trailing edge down is positive.", _one, _elevator),
     "roll": Figure(
-        "Roll rate, sideslip and bank", "What is asked for, the prefiltered reference, and what the aircraft does.", _turning(3), _roll,
+        "Roll rate, sideslip and bank", "Commands, prefiltered references and response.", _turning(3), _roll,
         height=1.6,
     ),
     "aileron-and-rudder": Figure(
-        "Aileron and rudder", "What the regulator commands and where the surfaces' actuators are.", _turning(2), _turning_surfaces,
+        "Aileron and rudder", "Commands of the regulator and positions of the actuators.", _turning(2), _turning_surfaces,
         height=1.6,
     ),
     "effectiveness": Figure(
         "Effectiveness K",
-        "Each estimate with its own +-2 sigma, smoothed as the law uses it, and the truth of its surface: 'NAME' is the elevator's.",
+        "Each estimate with its own +-2 sigma, smoothed as the law uses it, and the true K of its surface; 'NAME' is the elevator's.",
         _estimates, effectiveness, height=1.9,
     ),
     "nis": Figure(
         "Normalized innovation squared",
-        "Chi-square if the filter's model holds, with as many degrees of freedom as it predicts readings: that is its mean, and 5 % lie "
-        "above the bound.",
+        "Chi-square distributed under the filter's model, with one degree of freedom per predicted reading; the mean is that number, "
+        "and 5 % lie above the bound.",
         _estimators, nis, height=1.6,
     ),
     "reconstruction": Figure(
         "Reconstructed input",
-        "The elevator's deflection that acts, or a gust's angle of attack (told a tick late), by alpha and q alone.",
+        "The elevator's deflection that acts, or a gust's angle of attack (estimated one tick late), from alpha and q alone.",
         lambda result: len(reconstructing(result)), reconstruction,
     ),
     "sigma": Figure(
-        "Standard deviation of K", "What each estimator says of itself, beside what no unbiased one can beat, where it can be computed.",
+        "Standard deviation of K", "Each estimator's own standard deviation of K, and the Cramer-Rao bound (grey) where it is known.",
         lambda result: len(estimated(result)), sigma,
     ),
-    "condition": Figure("Flight condition", "Where the flight went.", _condition_rows, _condition, height=1.4),
+    "condition": Figure("Flight condition", "Mach number, altitude, load factor.", _condition_rows, _condition, height=1.4),
 }  # fmt: skip

@@ -101,11 +101,13 @@ def collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, wat
 
 def measured(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]:
     """Return the trace with bound, margins and excitation, and its metrics. Raises ExtensionError for a health that is not finite."""
-    health = np.column_stack([trace[c] for c in ("effectiveness_true", "elevator_force_true", "cg_shift_cbar")])
-    if not np.all(np.isfinite(health)):
-        at_s = trace["t_s"][np.argmin(np.all(np.isfinite(health), axis=1))]
+    health = {c: trace[c] for c in ("effectiveness_true", "elevator_force_true", "cg_shift_cbar")}
+    bad = ~np.all(np.isfinite(np.column_stack(list(health.values()))), axis=1)
+    if bad.any():
+        tick = int(np.argmax(bad))
+        got = ", ".join(f"{c} = {values[tick]:g}" for c, values in health.items() if not np.isfinite(values[tick]))
         raise ExtensionError(
-            f"failures: what is left of the aircraft is no number from {at_s:g} s on; give finite values"
+            f"failures: the health is not finite from t = {trace['t_s'][tick]:g} s on (got {got}); return finite values"
         )
     trace = _with_margins(plan, _with_bound(plan, trace))
     trace = with_excitation(trace, m_delta=float(plan.design.b[1]), control_hz=plan.scenario.rates.control_hz)

@@ -33,11 +33,11 @@ ESTIMATOR_METRICS = MappingProxyType(
         "first_within_20pct_s": ("s", "from the failure to the first K-hat within +-20 % of K"),
         "first_within_20pct_smoothed_s": ("s", "the same of the smoothed K-hat"),
         "nis_mean": ("1", "mean normalized innovation squared"),
-        "nis_expected": ("1", "what that is if the estimator's model holds: the readings that it predicts"),
+        "nis_expected": ("1", "its expectation under the estimator's model: the number of predicted readings"),
         "detected_at_s": ("s", "from the failure to the first alarm after it"),
         "false_alarms": ("1", "alarms before the failure"),
-        "nees_mean_post": ("1", "mean of ((K-hat - K)/sigma)^2 from 0.3 s after the failure; 1 if sigma is honest"),
-        "efficiency": ("1", "mean square that the Cramer-Rao bound allows over the mean square error"),
+        "nees_mean_post": ("1", "mean of ((K-hat - K)/sigma)^2 from 0.3 s after the failure; 1 for a consistent sigma"),
+        "efficiency": ("1", "mean square of the Cramer-Rao bound over the mean square error"),
     }
 )
 _MOST_EVENTS = 100  # in the event log of the page
@@ -62,10 +62,10 @@ def run_report(result: Result) -> Document:
         "versions": summary.versions,
     }
     sections = [
-        Section("What flew", (), [_pairs("flown", "The flight", flown(scenario, result.plan.aircraft.name))]),
-        Section("What it did", (), pictures(result)),
+        Section("Settings", (), [_pairs("flown", "The flight", flown(scenario, result.plan.aircraft.name))]),
+        Section("Figures", (), pictures(result)),
         _numbers(result),
-        Section("What happened when", (), [_events(result)]),
+        Section("Events", (), [_events(result)]),
         _design(result),
         rerun_command(scenario.to_toml(), permits(summary.own_code), summary.versions, at_hand(summary.own_code)),
     ]
@@ -108,7 +108,7 @@ def _estimates(result: Result) -> Table:
     used = adaptation.estimator if adaptation.enabled and not adaptation.oracle else ""
     columns = (
         "estimator", "corrects the law", "K at end", "true K", "median |K-hat - K|", "within 20 % after, s", "alarm after, s",
-        "mean NIS", "NIS if right",
+        "mean NIS", "expected NIS",
     )  # fmt: skip
     rows: list[list[Cell]] = []
     for name, m in result.metrics.estimators.items():
@@ -129,7 +129,7 @@ def _numbers(result: Result) -> Section:
         ("departed_at_s", metrics.departed_at_s, "s", f"alpha more than 25 deg from trim{sideslip}, or a state that is not finite"),
         ("flown_s", summary.flown_s, "s", f"time flown; ended by: {summary.ended}"),
         ("failed_at_s", summary.failed_at_s, "s", "first failure, of any kind, that the flight reached"),
-        ("estimators_since_s", metrics.estimators_since_s, "s", "first change of K: the failure of all that is said of estimators"),
+        ("estimators_since_s", metrics.estimators_since_s, "s", "first change of K, the origin of the estimators' times"),
         *(
             (f"tracking_rms_{phase}_{key}", metrics.tracking_rms(phase, key), unit, text)
             for what, key, unit in followed(result.plan.scenario)
@@ -150,10 +150,10 @@ def _numbers(result: Result) -> Section:
             [key, *(getattr(metrics.estimators[name], key) for name in names), unit, meaning]
             for key, (unit, meaning) in ESTIMATOR_METRICS.items()
         ]
-        note = "- where it never happened, or cannot be said."
+        note = '"-": never, or not defined for this flight.'
         tables.append(Table("estimators", "Estimators", ("metric", *names, "unit", "meaning"), rows, note=note))
     text = () if names else ("No estimator flew.",)
-    return Section("Numbers", (*text, "Under the names that metrics.json gives them."), tables)
+    return Section("Numbers", (*text, "The names are the keys of metrics.json."), tables)
 
 
 def _events(result: Result) -> Table:
@@ -162,7 +162,7 @@ def _events(result: Result) -> Table:
     others = [i for i, (_, _, severe) in enumerate(happened) if not severe]
     left_out = set(others[_MOST_EVENTS:])
     rows = [(float(t), text) for i, (t, text, _) in enumerate(happened) if i not in left_out]
-    note = f"{len(left_out)} more events are left out here." if left_out else ""
+    note = f"{len(left_out)} more events are not listed." if left_out else ""
     return Table("events", "Event log", ("time, s", "event"), rows or [("-", "nothing")], {"time, s": ".2f"}, note)
 
 
@@ -223,14 +223,16 @@ def rerun_command(toml: str, override: str, versions: Mapping[str, str], own: Se
         f"pip install {packages}"
     )
     text = (
-        "FOLDER is the one that this page lies in. Scenario, aircraft and versions being the same, the flight is the same to the last bit; "
-        "the scenario below, saved as a file, will do in place of the folder's.",
+        "FOLDER is the folder of this page. With the same scenario, aircraft and versions the command reproduces the flight bit for bit; "
+        "the scenario below, saved as a file, can replace the folder's.",
         *(
-            f"The code '{name}' was at hand in Python, and no command names it: permit it there, with flightbed.using(...)."
+            f"The code '{name}' was given in Python, and no command can name it: permit it there, with flightbed.using(...)."
             for name in own
         ),
     )
-    return Section("Fly it again", text, [Listing("Commands", commands), Listing("scenario.toml, complete", toml)])
+    return Section(
+        "Repeat this flight", text, [Listing("Commands", commands), Listing("scenario.toml, complete", toml)]
+    )
 
 
 def _pairs(key: str, title: str, rows: Sequence[Sequence[Cell]]) -> Table:

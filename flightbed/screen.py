@@ -136,7 +136,7 @@ def _estimates(metrics: Metrics) -> Table:
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for heading in ("  estimator", "K at end", "median", "smoothed,", "first in", "smoothed", "NIS"):
         table.add_column(heading, justify="left" if "estimator" in heading else "right", no_wrap=True)
-    table.add_row("", "", "|error|", "RMS error", "+-20 %", "in +-20 %", "(if right)", style="dim")
+    table.add_row("", "", "|error|", "RMS error", "+-20 %", "in +-20 %", "(expected)", style="dim")
     for name, m in metrics.estimators.items():
         table.add_row(
             f"  {name}",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import pickle
 import sys
 import textwrap
@@ -580,4 +581,16 @@ def test_the_command_that_flies_it_again_is_quoted_and_honest() -> None:
     assert permits(names) == " --use 'my dir/est.py:E'"
     assert at_hand(names) == ["at-hand"]
     page = rerun_command("schema = 1", permits(names), {"python": "3", "flightbed": "1"}, at_hand(names))
-    assert any("'at-hand' was at hand in Python, and no command names it" in text for text in page.text)
+    assert any("'at-hand' was given in Python, and no command can name it" in text for text in page.text)
+
+
+def test_a_health_that_is_not_finite_is_named_with_its_time_and_value() -> None:
+    def broken(settings: Any, before: Any, control_hz: int) -> Any:
+        return lambda tick: before(tick)._replace(effectiveness=math.nan) if tick >= 0.5 * control_hz else before(tick)
+
+    keys = ["duration_s=1", "failures=[]", "failures.0={kind='broken', at_s=0.5}"]
+    message = (
+        r"failures: the health is not finite from t = 0\.5 s on \(got effectiveness_true = nan\); return finite values"
+    )
+    with using({"broken": broken}), pytest.raises(ExtensionError, match=message):
+        flightbed.run(load_scenario("thesis-loss", keys))

@@ -89,7 +89,7 @@ def test_every_metric_of_an_estimator_has_a_unit_and_a_word() -> None:
 
 
 def test_the_first_lines_say_what_failed_and_how_it_ended(report: Document) -> None:
-    start = words(render(report)).partition("What flew")[0]
+    start = words(render(report)).partition("Settings")[0]
     assert "At 4.5 s the elevator keeps 20% of its effect." in start
     assert "The proportional law is corrected by 1/K of 'scheduled'. Outcome: flown to 16.5 s." in start
     assert "f16 at Mach 0.8, 20,000 ft, seed 0" in start
@@ -230,7 +230,7 @@ def test_of_very_many_events_the_severe_ones_stay(flown: Result) -> None:
     (table,) = (t for t in run_report(many).tables() if t.key == "events")
     assert len(table.rows) == 101
     assert str(table.rows[-1][1]).startswith("FAILURE")
-    assert "more events are left out" in table.note
+    assert "more events are not listed" in table.note
 
 
 def test_a_run_without_a_report(tmp_path: Path) -> None:
@@ -283,4 +283,4 @@ def test_every_failure_of_an_actuator_has_a_sound_page(kind: str, surface: str) 
     page = render(run_report(result))
     assert_sound(page)
     assert "nan" not in words(page)
-    assert f"the {surface}" in words(page).partition("What flew")[0]
+    assert f"the {surface}" in words(page).partition("Settings")[0]
