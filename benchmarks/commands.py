@@ -6,7 +6,6 @@ python benchmarks/commands.py [--seeds 20]
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
 import numpy as np
 from measuring import likely
@@ -77,11 +76,11 @@ def table_of_dither(scenario: str, extra: list[str], seeds: int) -> None:
     print("|---|---|---|---|---|---|---|")
     for label, overrides in FLIGHTS.items():
         flown = [run(load_scenario(scenario, [*extra, *overrides, f"seed={seed}"])) for seed in range(seeds)]
-        shaken = np.median([np.std(r.trace["nz_g"][r.trace["t_s"] < r.summary["failed_at_s"]]) for r in flown])
+        shaken = np.median([np.std(r.trace["nz_g"][r.trace["t_s"] < r.summary.failed_at_s]) for r in flown])
         for name in ("scheduled", "short-period"):
-            found: list[dict[str, Any]] = [r.summary["estimators"][name] for r in flown]
-            entries = [f["first_within_20pct_s"] for f in found if f["first_within_20pct_s"] is not None]
-            errors = [[f[key] for f in found] for key in ("median_abs_error_post", "rms_error_smoothed_post")]
+            found = [r.metrics.estimators[name] for r in flown]
+            entries = [m.first_within_20pct_s for m in found if m.first_within_20pct_s is not None]
+            errors = [m.median_abs_error_post for m in found], [m.rms_error_smoothed_post for m in found]
             print(
                 f"| {label} | {name} | {likely(errors[0], '.3f')} | {likely(errors[1], '.3f')} | {likely(entries, '.2f')} "
                 f"| {seeds - len(entries)} of {seeds} | {shaken:.3f} |"

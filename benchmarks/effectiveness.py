@@ -59,7 +59,12 @@ def fly(job: Job) -> dict[str, Any]:
     """Fly a job; returns its metrics."""
     result = run(scenario(job))
     at = job.get("at_s", 4.5)
-    return {**job, **result.summary, "since": _tracked(result, at), "settled": _tracked(result, at + SETTLING_S)}
+    return {
+        **job,
+        **result.summary.to_dict(),
+        "since": _tracked(result, at),
+        "settled": _tracked(result, at + SETTLING_S),
+    }
 
 
 def _tracked(result: Result, since_s: float) -> float:

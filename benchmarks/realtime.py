@@ -15,6 +15,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -47,9 +48,10 @@ def _fly(scenario: Scenario, spin_ns: int, busy: int) -> dict[str, Any]:
 
     gc.callbacks.append(collecting)
     with _busy(busy):
-        kept: dict[str, Any] = run(scenario, pace=WallClock(spin_ns)).summary["realtime"]
+        kept = run(scenario, pace=WallClock(spin_ns)).summary.realtime
     gc.callbacks.remove(collecting)
-    return {**kept, "collections": len(collected)}
+    assert kept is not None
+    return {**asdict(kept), "collections": len(collected)}
 
 
 def measure(scenario: Scenario, rounds: int, spins_us: list[int]) -> None:

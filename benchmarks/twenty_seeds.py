@@ -11,8 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from measuring import likely
 
+from flightbed.flight_result import Result
 from flightbed.metrics import EstimatorMetrics, Metrics
-from flightbed.mission import Result, run
+from flightbed.mission import run
 from flightbed.scenario import load_scenario
 
 FLIGHTS: dict[str, tuple[str, list[str]]] = {
@@ -35,7 +36,7 @@ def _share(results: list[Result], inside: Callable[[Result, np.ndarray], np.ndar
     """Share of the ticks from 0.3 s after the failure (from 0.3 s on without one) for which something holds."""
     shares: list[float | None] = []
     for result in results:
-        since = result.trace["t_s"] >= (result.summary["failed_at_s"] or 0.0) + 0.3 - 1e-9
+        since = result.trace["t_s"] >= (result.summary.failed_at_s or 0.0) + 0.3 - 1e-9
         shares.append(float(np.mean(inside(result, since))))
     return likely(shares, ".2f")
 

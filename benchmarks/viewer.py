@@ -22,9 +22,9 @@ import numpy as np
 from measuring import differences, interleaved, seconds, spread
 
 from flightbed import WallClock, load_scenario, run
+from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.live import HOST, Live
-from flightbed.mission import Result
 from flightbed.telemetry import viewer
 from flightbed.telemetry.recording import write_recording
 
@@ -137,10 +137,11 @@ def _latency(answers: list[tuple[int, ...]], began_ns: int, result: Result) -> s
 
 
 def _tell(name: str, result: Result) -> None:
-    kept, busy = result.summary["realtime"], _busy_ms(result)
-    worst = f", worst by {kept['worst_overrun_ms']:.1f} ms" if kept["late_ticks"] else ""
+    kept, busy = result.summary.realtime, _busy_ms(result)
+    assert kept is not None
+    worst = "" if kept.worst_overrun_ms is None else f", worst by {kept.worst_overrun_ms:.1f} ms"
     print(
-        f"{name}: {kept['late_ticks']} of {kept['ticks']} ticks late{worst}; "
+        f"{name}: {kept.late_ticks} of {kept.ticks} ticks late{worst}; "
         f"busy p50 {np.median(busy):.2f}, p99 {np.percentile(busy, 99):.2f} ms"
     )
 

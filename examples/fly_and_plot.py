@@ -19,9 +19,7 @@ flights = {name: flightbed.run(scenario) for name, scenario in scenarios.items()
 for name, flight in flights.items():
     metrics = flight.metrics
     ended = (
-        f"departed at {metrics.departed_at_s:.2f} s"
-        if metrics.departed
-        else f"flown to {flight.summary['flown_s']:g} s"
+        f"departed at {metrics.departed_at_s:.2f} s" if metrics.departed else f"flown to {flight.summary.flown_s:g} s"
     )
     tracking = metrics.tracking_rms_post_deg_s or metrics.tracking_rms_pre_deg_s
     print(f"{name:14} {ended:22} tracking error {tracking:.2f} deg/s RMS")

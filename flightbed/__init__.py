@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from flightbed.aircraft import Aircraft, load_aircraft
     from flightbed.errors import FlightbedError
     from flightbed.extension import using
+    from flightbed.flight_result import Result
     from flightbed.live import Live
     from flightbed.metrics import Metrics
-    from flightbed.mission import Result, fly, run
+    from flightbed.mission import fly, run
     from flightbed.pacing import WallClock
     from flightbed.plant.airframe import JsbsimAirframe
     from flightbed.scenario import Scenario, load_scenario
@@ -34,7 +35,8 @@ __all__ = [
 
 _LATER = {
     "Aircraft": "aircraft", "load_aircraft": "aircraft", "FlightbedError": "errors", "Metrics": "metrics",
-    "Live": "live", "Result": "mission", "fly": "mission", "run": "mission", "JsbsimAirframe": "plant.airframe", "Scenario": "scenario",
+    "Live": "live", "Result": "flight_result", "fly": "mission", "run": "mission", "JsbsimAirframe": "plant.airframe",
+    "Scenario": "scenario",
     "load_scenario": "scenario", "Estimate": "signals", "Measurement": "signals", "Sample": "signals", "Truth": "signals",
     "Trace": "trace", "WallClock": "pacing", "read_trace": "trace", "using": "extension",
 }  # fmt: skip

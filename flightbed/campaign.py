@@ -3,117 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 from flightbed.campaign_file import plain
 from flightbed.campaign_flights import CHUNK, Chunk, Flown, chunk_of, fly_chunk, joined, killed, single_flights
 from flightbed.campaign_histories import Histories
-from flightbed.campaign_table import Quantity, Row, followed, passes, quantities, quantity
-from flightbed.consistency import detectors, estimates
+from flightbed.campaign_result import Campaign, worst_of
+from flightbed.campaign_table import Row, passes
 from flightbed.engine import Engine, Work, engine, results
 from flightbed.errors import FlightbedError, InputError
-from flightbed.extension import permits
 from flightbed.journal import Journal, journal
-from flightbed.mission import Result
 from flightbed.mission import run as fly_one
-from flightbed.percentiles import Ensemble
 from flightbed.programme import Programme, scenario_of, versions
 from flightbed.settings import Scenario
-from flightbed.statistics import Interval, share
 
 Progress = Callable[[int, int], None]
-
-
-@dataclass(frozen=True)
-class Campaign:
-    """Flights of a programme.
-
-    Attributes:
-        programme: what was flown.
-        rows: one a flight, in order of their indices: column -> value, None where there is none.
-        histories: point -> of the columns ``campaign_flights.HISTORIES`` and ``<name>.effectiveness_smoothed``; of the points that
-            keep them, and in which something flew.
-        worst: the worst flight, flown again, whole; None where every flight raised.
-        worst_index: its index.
-        reason: why it is the worst, in words.
-        wall_time_s: how long it took, after the last ``--resume``.
-
-    """
-
-    programme: Programme
-    rows: Sequence[Row]
-    histories: Mapping[int, Ensemble]
-    worst: Result | None
-    worst_index: int
-    reason: str
-    wall_time_s: float
-
-    @property
-    def scenario(self) -> Scenario:
-        """The base scenario, complete."""
-        return self.programme.scenario
-
-    @property
-    def estimators(self) -> tuple[str, ...]:
-        """Names of the estimates, as the scenario orders their estimators."""
-        return estimates(self.scenario)
-
-    @cached_property
-    def flown(self) -> list[Row]:
-        """Rows of the flights that did not raise."""
-        return [row for row in self.rows if row["error"] is None]
-
-    @cached_property
-    def failed(self) -> list[Row]:
-        """Rows of the flights that raised."""
-        return [row for row in self.rows if row["error"] is not None]
-
-    @property
-    def departed(self) -> Interval | None:
-        """Share of the flights that departed, with its exact binomial interval."""
-        return departed(self.rows)
-
-    @property
-    def passed(self) -> Interval | None:
-        """Share of the flights that keep the criteria, those that raised counted as not; None without criteria."""
-        return passed(self.rows)
-
-    @property
-    def override(self) -> str:
-        """Options of ``flightbed run`` that fly the worst flight again, of the campaign's scenario.toml."""
-        if self.worst is None:
-            return ""
-        return f"{self.programme.overrides(self.programme.flight(self.worst_index))}{permits(self.worst.summary)}"
-
-    @property
-    def again(self) -> str:
-        """Command that flies the worst flight again; FOLDER is the campaign's."""
-        return f"flightbed run FOLDER/scenario.toml{self.override}"
-
-    def quantity(self, column: str) -> Quantity:
-        """Return a column of the table as a quantity of the flights that did not raise."""
-        return quantity(self.flown, column, tests=detectors(self.scenario), seed=self.programme.seed)
-
-    def quantities(self) -> list[Quantity]:
-        """Return every metric that is a number and that some flight has."""
-        return quantities(self.flown, self.scenario, self.programme.seed)
-
-
-def departed(rows: Sequence[Row]) -> Interval | None:
-    """Return the share that departed of the flights that did not raise, with its exact interval; None if all did."""
-    known = [row["departed"] for row in rows if row["error"] is None]
-    return share(known.count(True), len(known)) if known else None
-
-
-def passed(rows: Sequence[Row]) -> Interval | None:
-    """Return the share of the flights that keep the criteria, with its exact interval; None without criteria."""
-    known = [row["passed"] for row in rows]
-    return None if not known or None in known else share(known.count(True), len(known))
 
 
 def run(
@@ -254,28 +161,3 @@ def _campaign(programme: Programme, rows: list[Row], histories: Histories, began
     index, reason = worst_of(rows)
     worst = None if index < 0 else fly_one(scenario_of(programme.raw, programme.flight(index)))
     return Campaign(programme, rows, histories.ensembles, worst, index, reason, time.perf_counter() - began)
-
-
-def worst_of(rows: Sequence[Row]) -> tuple[int, str]:
-    """Return the worst flight, the first of several, and why: it departed first, hit the ground first, or tracked worst.
-
-    Of flights that all raised there is none: -1.
-    """
-    flown = [row for row in rows if row["error"] is None]
-    if not flown:
-        return -1, "every flight failed"
-    for how, words in (("departed", "departed first"), ("ground", "hit the ground first")):
-        gone = [row for row in flown if row["ended"] == how]
-        if gone:
-            worst = min(gone, key=lambda row: float(row["flown_s"] or 0.0))
-            return int(worst["index"] or 0), f"{words}, at {worst['departed_at_s'] or worst['flown_s']:.2f} s"
-    worst = max(flown, key=_tracking)
-    column, what, unit, after = followed([worst])
-    if worst[column] is None:
-        return int(worst["index"] or 0), "the first: all flew to the end, and none is asked for anything"
-    when = "from 0.3 s after the failure" if after else "over the whole flight"
-    return int(worst["index"] or 0), f"largest RMS of {what} {when}, {_tracking(worst):.3g} {unit}"
-
-
-def _tracking(row: Row) -> float:
-    return float(row[followed([row]).column] or 0.0)

@@ -1,4 +1,4 @@
-"""What a report says of the histories of a campaign's flights: bands of percentiles, mean, deviation; of several points small ones."""
+"""Histories of a campaign in its report: bands of percentiles, mean, standard deviation; small figures for several points."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flightbed import drawing, palette
-from flightbed.campaign import Campaign
 from flightbed.campaign_multiples import left_out, of_points
+from flightbed.campaign_result import Campaign
 from flightbed.document import Picture, Section
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.figures import MARGIN, mark_changes
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def histories_sections(campaign: Campaign) -> list[Section]:
-    """Return the section on histories; none where none are kept."""
+    """Return the section on histories; none for a campaign without histories."""
     if not campaign.histories:
         return []
     if len(campaign.programme.points) == 1:
@@ -45,15 +45,15 @@ def _bands(ensemble: Ensemble) -> str:
 
 @dataclass(frozen=True)
 class _Curve:
-    """A history that is drawn.
+    """A history in a figure.
 
     Attributes:
         column: its name in the trace.
         label: of its axes.
-        short: of its axes, where it is what lies about the median.
+        short: label of its axes in the figure about the median.
         color: of median and bands.
-        name: how a sentence calls it.
-        mean: how a legend calls its mean.
+        name: its name in a sentence.
+        mean: name of its mean in a legend.
 
     """
 
@@ -66,7 +66,7 @@ class _Curve:
 
 
 def _of_one(campaign: Campaign, ensemble: Ensemble) -> list[Picture]:
-    """Draw motion and K, and each again about its median, where a narrow band can be seen."""
+    """Draw motion and K, and both relative to their medians, which shows narrow bands."""
     moments = ensemble.moments
     motion = [
         _Curve("q_deg_s", "pitch rate, deg/s", "q, deg/s", drawing.ACTUAL, "pitch rate"),
@@ -121,7 +121,7 @@ def _of_one(campaign: Campaign, ensemble: Ensemble) -> list[Picture]:
 
 
 def _about(axes: list[Axes], t: Vector, ensemble: Ensemble, curves: Sequence[_Curve]) -> str:
-    """Draw bands, mean and deviation less the median."""
+    """Draw bands, mean and standard deviation minus the median."""
     words = []
     for axis, curve in zip(axes, curves, strict=True):
         low, inner_low, middle, inner_high, high = edges(ensemble, curve.column)

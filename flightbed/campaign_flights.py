@@ -14,8 +14,9 @@ from flightbed.consistency import estimates
 from flightbed.engine import DEATHS
 from flightbed.errors import FlightbedError
 from flightbed.extension import Extension, Packed, carried, named_by
-from flightbed.mission import Plan, fly_plan, plan
+from flightbed.flight_result import fly_plan
 from flightbed.percentiles import SAMPLE, Part, add_all
+from flightbed.plan import Plan, plan
 from flightbed.programme import Flight, Programme, flight_hash, scenario_of, versions
 from flightbed.settings import Scenario
 from flightbed.trace import true_share

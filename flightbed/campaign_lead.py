@@ -1,67 +1,62 @@
-"""What a reader should know of a campaign after ten seconds: how many departed and passed, how well they tracked, the worst flight."""
+"""Headline of a campaign: shares that departed and passed, tracking, the worst flight, the estimators."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flightbed.campaign import Campaign
 from flightbed.campaign_points import axis_words, criteria_words, value_words
-from flightbed.campaign_table import Quantity, followed
+from flightbed.campaign_result import Campaign
+from flightbed.campaign_summary import CampaignSummary, QuantitySummary, ShareSummary, WorstSummary
 from flightbed.card import correction
 from flightbed.document import Cell, Section, Table, show
 from flightbed.event_log import failures, gusts
 from flightbed.statistics import Interval
 
 
-def tracking(campaign: Campaign) -> Quantity:
-    """Return the tracking that counts, see ``campaign_table.followed``."""
-    return campaign.quantity(followed(campaign.flown).column)
-
-
-def headline(campaign: Campaign) -> str:
-    """Return in a few sentences how many flew, departed and passed, and how well they tracked."""
-    departed, passed, settings = campaign.departed, campaign.passed, campaign.programme.settings
+def headline(summary: CampaignSummary) -> str:
+    """Return a few sentences: number of flights that departed and passed, tracking, errors."""
+    flights, followed = summary.flights, summary.tracking.followed
     failed = (
-        f"{len(campaign.failed)} of {len(campaign.rows)} flights failed: {campaign.failed[0]['error']}."
-        if campaign.failed
-        else ""
+        [f"{flights.errors} of {flights.flights} flights failed: {summary.errors[0].message}."]
+        if summary.errors
+        else []
     )
-    if departed is None:
-        return failed
-    chosen = tracking(campaign)
-    told = [f"{_share(departed, 'flights departed')}."]
-    if passed is not None and settings is not None:
-        told.append(f"{_share(passed, 'passed')}; to pass: {criteria_words(settings.criteria)}.")
-    if chosen.known:
-        told_of = followed(campaign.flown)
-        after = " from 0.3 s after the failure" if told_of.after else ""
-        told.append(f"Median RMS of {told_of.what}{after}: {_interval(chosen, '.3g')} {told_of.unit}.")
-    return " ".join([*told, *([failed] if failed else [])])
+    if flights.departed is None:
+        return " ".join(failed)
+    sentences = [f"{_share(flights.departed, 'flights departed')}."]
+    if flights.passed is not None:
+        sentences.append(f"{_share(flights.passed, 'passed')}; to pass: {criteria_words(summary.criteria)}.")
+    tracking = summary.quantity(followed.column)
+    if tracking is not None:
+        after = " from 0.3 s after the failure" if followed.after else ""
+        sentences.append(f"Median RMS of {followed.what}{after}: {_interval(tracking.median, '.3g')} {followed.unit}.")
+    return " ".join([*sentences, *failed])
 
 
-def _share(share: Interval, what: str) -> str:
-    count = round(share.estimate * share.runs)
-    return f"{count} of {share.runs} {what}: {share.estimate:.1%} (95 % interval {share.low:.1%} to {share.high:.1%})"
+def _share(of: ShareSummary, what: str) -> str:
+    share = of.share
+    return (
+        f"{of.count} of {share.runs} {what}: {share.estimate:.1%} (95 % interval {share.low:.1%} to {share.high:.1%})"
+    )
 
 
-def _interval(quantity: Quantity, spec: str) -> str:
-    middle = quantity.median
+def _interval(middle: Interval, spec: str) -> str:
     if not np.isfinite([middle.low, middle.high]).all():
         return f"{show(middle.estimate, spec)} (too few flights for an interval)"
     return f"{show(middle.estimate, spec)} (95 % interval {middle.low:{spec}} to {middle.high:{spec}})"
 
 
 def lead(campaign: Campaign) -> Section:
-    """Return what a reader should know after ten seconds."""
-    scenario = campaign.scenario
+    """Return the first section of the report."""
+    scenario, summary = campaign.scenario, campaign.summary
     happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "nothing fails"
     varied = "; ".join(f"{axis.key}: {axis_words(axis)}" for axis in campaign.programme.axes)
     text = [
-        headline(campaign),
+        headline(summary),
         *([f"Varied: {varied}."] if varied else []),
         f"{f'Base scenario: {happened}' if varied else f'{happened[0].upper()}{happened[1:]}'}. The {scenario.control.law} law is "
         f"{correction(scenario)}.",
-        f"Worst flight: {which(campaign)}{campaign.reason}.",
+        f"Worst flight: {flight_label(summary.worst)}{campaign.reason}.",
     ]
     keys = ("median_abs_error_post", "first_within_20pct_s", "detected_at_s", "nis_mean", "nees_mean_post")
     columns = (
@@ -69,28 +64,26 @@ def lead(campaign: Campaign) -> Section:
         "median |K-hat - K|",
         "within 20 % after, s",
         "alarm after, s",
-        "mean NIS (if right)",
-        "NEES (1 is right)",
+        "mean NIS (expected)",
+        "NEES (expected: 1)",
     )
-    rows: list[list[Cell]] = []
-    for name in campaign.estimators:
-        quantities = [campaign.quantity(f"{name}.{key}") for key in keys]
-        rows.append([name, *(often(q) for q in quantities)])
+    rows: list[list[Cell]] = [
+        [name, *(median_cell(summary.quantity(f"{name}.{key}")) for key in keys)] for name in campaign.estimators
+    ]
     note = "Medians over the flights, with 95 % interval."
     return Section("", text, [Table("key", "", columns, rows, dict.fromkeys(columns, ".3g"), note)] if rows else ())
 
 
-def which(campaign: Campaign) -> str:
-    """Return what tells the worst flight from the others: number, values, seed."""
-    if campaign.worst is None:
+def flight_label(flight: WorstSummary | None) -> str:
+    """Return number, values and seed that identify a flight; empty for None."""
+    if flight is None:
         return ""
-    flight = campaign.programme.flight(campaign.worst_index)
     values = "".join(f"{key} = {value_words(value)}, " for key, value in flight.values.items())
     return f"{f'number {flight.index}, ' if values else ''}{values}seed {flight.seed}, "
 
 
-def often(quantity: Quantity) -> Cell:
-    """Return the median of a quantity for a table: never where it never happened, none where it cannot be said."""
-    if not quantity.known:
+def median_cell(quantity: QuantitySummary | None) -> Cell:
+    """Return the median for a table cell: "never" where no flight reached the quantity, None where no flight has it."""
+    if quantity is None:
         return None
-    return "never" if quantity.never == len(quantity.known) else quantity.median
+    return "never" if quantity.never == quantity.flights else quantity.median

@@ -1,4 +1,4 @@
-"""Histories at the points of a campaign in small figures: of all points, or of a few that are spread over the grid."""
+"""Histories at the points of a campaign in small figures: all points, or a few that are spread over the grid."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from flightbed import drawing, palette
-from flightbed.campaign import Campaign
 from flightbed.campaign_points import value_words
+from flightbed.campaign_result import Campaign
 from flightbed.document import Picture
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.figures import MARGIN, mark_changes
@@ -18,15 +18,15 @@ from flightbed.programme import MOST_REMEMBERED, SHOWN, few, values_of
 from flightbed.settings import Scenario
 from flightbed.trace import true_share
 
-_ACROSS = 3  # small figures beside each other, if the grid has no width of its own
-_BUCKETS = 200  # stretches of time in each: 0.08 s of 16.5
+_ACROSS = 3  # small figures per row, where the grid does not define it
+_BUCKETS = 200  # intervals of time per figure: 0.08 s each of 16.5 s
 
 
 def left_out(campaign: Campaign, points: Sequence[int]) -> list[str]:
-    """Say what is drawn, and what of the points is not."""
+    """Return sentences on the bands, and on points without a figure."""
     of, kept = len(campaign.programme.points), len(campaign.histories)
     low, inner_low, _, inner_high, high = PERCENTILES
-    told = [
+    sentences = [
         f"Median, bands from {inner_low} to {inner_high} % and from {low} to {high} % of the flights of a point that still fly. "
         + sample(max((campaign.histories[point] for point in points), key=lambda ensemble: ensemble.sampled))
     ]
@@ -40,12 +40,12 @@ def left_out(campaign: Campaign, points: Sequence[int]) -> list[str]:
             if kept < of and of > MOST_REMEMBERED
             else f"histories.parquet has the {kept} at which something flew"
         )
-        told.append(f"Shown are {len(points)} of {of} points; {rest}.")
-    return told
+        sentences.append(f"Shown are {len(points)} of {of} points; {rest}.")
+    return sentences
 
 
 def of_points(campaign: Campaign, points: Sequence[int]) -> list[Picture]:
-    """Draw small figures of the points: the pitch rate, and the smoothed K of every estimator."""
+    """Draw small figures of the points: pitch rate, and smoothed K of every estimate."""
     found = [("q_deg_s", "q_ref_deg_s", drawing.ACTUAL, "Pitch rate", "pitch rate, deg/s", "reference")]
     found += [
         (f"{name}.effectiveness_smoothed", true_share(name), palette.estimate(i), f"Smoothed K of '{name}'", "K", "truth")
@@ -79,11 +79,11 @@ def _small(
                 mark_changes(axis, scenario, float(t[-1]), name=axis is axes[0])
             stayed, runs = int(ensemble.moments.flying[-1]), int(ensemble.moments.flying[0])
             if stayed < runs or len(t) < scenario.ticks:
-                told = f"{stayed if len(t) == scenario.ticks else 0} of {runs} fly to the end"
+                text = f"{stayed if len(t) == scenario.ticks else 0} of {runs} fly to the end"
                 axis.text(
                     0.03,
                     0.05,
-                    told,
+                    text,
                     transform=axis.transAxes,
                     fontsize=7.0,
                     color=drawing.FAILURE,
@@ -104,7 +104,7 @@ def _small(
 
 
 def _frame(ensemble: Ensemble, column: str, aim: str, t: Vector) -> tuple[float, float]:
-    """Return the ends of an axis that show a history, but for what runs away: of K all but that, of others nearly all ticks."""
+    """Return the limits of an axis: of K all but divergent values, of other histories the bands at nearly all ticks."""
     low, *_, high = edges(ensemble, column)
     if column != "q_deg_s":
         return -0.08, top(high[t > START_S])
@@ -117,7 +117,7 @@ def _frame(ensemble: Ensemble, column: str, aim: str, t: Vector) -> tuple[float,
 
 
 def _across(campaign: Campaign, count: int) -> int:
-    """Return how many small figures stand beside each other: as many as the last axis has values among them, if that is a grid."""
+    """Return the number of small figures per row: in a grid the number of values of the last axis among them."""
     settings = campaign.programme.settings
     axes = [axis for axis in campaign.programme.axes if not axis.is_drawn]
     if settings is not None and settings.combine == "crossed" and len(axes) > 1:
@@ -137,7 +137,7 @@ def _keys(campaign: Campaign) -> str:
 
 
 def _point_words(campaign: Campaign, point: int) -> str:
-    """Return the values of a point in few words, by the last part of their keys where that tells them apart."""
+    """Return the values of a point in few words, with the last part of each key where these parts differ."""
     keys = _varied(campaign)
     short = [key.rpartition(".")[2] for key in keys]
     names = short if len(set(short)) == len(short) else keys

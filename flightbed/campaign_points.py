@@ -1,4 +1,4 @@
-"""What a report says of the points of a campaign: what is varied, a table with a row a point, and heat maps of two crossed axes."""
+"""Points of a campaign in its report: the axes, a table with one row per point, heat maps of two crossed axes."""
 
 from __future__ import annotations
 
@@ -10,25 +10,23 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed import drawing
-from flightbed.campaign import Campaign, departed, passed
-from flightbed.campaign_folder import by_point
-from flightbed.campaign_table import Quantity, Row, followed, quantity
-from flightbed.consistency import detectors
+from flightbed.campaign_result import Campaign
+from flightbed.campaign_summary import CampaignSummary, FlightsSummary, ShareSummary
 from flightbed.document import Cell, Picture, Section, Table, show
 from flightbed.programme import values_of
 from flightbed.settings import AxisSettings, Criterion
 from flightbed.statistics import Interval
 
-_MOST = 200  # points that the table of the page tells; all are in summary.json
-_LABELLED = 150  # cells of a heat map in which a number can still be read
+_MOST = 200  # points in the table of the page; summary.json has all
+_LABELLED = 150  # cells of a heat map with a legible number in each
 
 
 def points_section(campaign: Campaign) -> list[Section]:
-    """Return the section on the points; none of a campaign that has one and varies nothing."""
+    """Return the section on the points; none for a campaign without axes."""
     if not campaign.programme.axes:
         return []
     rows: list[list[Cell]] = [[axis.key, axis_words(axis)] for axis in campaign.programme.axes]
-    items: list[Table | Picture] = [Table("axes", "What is varied", ("key", "values"), rows)]
+    items: list[Table | Picture] = [Table("axes", "Axes", ("key", "values"), rows)]
     if len(campaign.programme.points) > 1:
         items += [*_maps(campaign), points_table(campaign, campaign.estimators)]
     return [Section("Over the points", (), items)]
@@ -44,98 +42,97 @@ def axis_words(axis: AxisSettings) -> str:
         ]
         return f"drawn for every flight, normal, mean {axis.mean:g}, standard deviation {axis.std:g}{', ' if ends else ''}{', '.join(ends)}"
     values = values_of(axis)
-    told = (
+    text = (
         ", ".join(map(value_words, values))
         if len(values) <= 12
         else f"{value_words(values[0])} to {value_words(values[-1])}"
     )
-    return f"{told} ({len(values)})"
+    return f"{text} ({len(values)})"
 
 
 def value_words(value: Any) -> str:
-    """Return a value of an axis as a table or figure shows it."""
+    """Return a value of an axis as text for tables and figures."""
     return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def criteria_words(criteria: Sequence[Criterion]) -> str:
-    """Return in words what a flight has to keep to pass."""
-    told = []
+    """Return the criteria of a flight that passes, in words."""
+    texts = []
     for c in criteria:
         if c.equals is not None:
-            told.append(f"{c.metric} = {value_words(c.equals)}")
+            texts.append(f"{c.metric} = {value_words(c.equals)}")
         else:
             ends = [("at least", c.min), ("at most", c.max)]
-            told.append(f"{c.metric} {' and '.join(f'{word} {end:g}' for word, end in ends if end is not None)}")
-    return "; ".join(told)
+            texts.append(f"{c.metric} {' and '.join(f'{word} {end:g}' for word, end in ends if end is not None)}")
+    return "; ".join(texts)
 
 
 def points_table(campaign: Campaign, estimators: Sequence[str]) -> Table:
-    """Return a row a point: how many departed and passed, medians of tracking and of what says most of each of these estimators."""
+    """Return a table with one row per point: shares that departed and passed, medians of tracking and of one metric per estimator."""
     keys = [axis.key for axis in campaign.programme.axes if not axis.is_drawn]
-    judged, failed = campaign.passed is not None, bool(campaign.failed)
-    tracked, what, unit, _ = followed(campaign.flown)
-    estimates = [(name, column) for name in estimators if (column := _estimate(campaign, name))]
+    summary = campaign.summary
+    judged, failed = summary.flights.passed is not None, bool(summary.errors)
+    tracked, what, unit, _ = summary.tracking.followed
+    estimates = [(name, column) for name in estimators if (column := _estimate(summary, name))]
     columns = [
         "point", *keys, "flights", *(["failed"] if failed else []), "departed, %", *(["passed, %"] if judged else []),
         f"tracking RMS, {unit}", *(f"{name}: {_short(column)}" for name, column in estimates),
     ]  # fmt: skip
     rows: list[list[Cell]] = []
-    for number, (values, there) in enumerate(by_point(campaign)[:_MOST]):
-        flown = [row for row in there if row["error"] is None]
-        cells: list[Cell] = [number, *(value_words(values[key]) for key in keys), len(there)]
-        cells += [len(there) - len(flown)] if failed else []
-        cells += [_percent(departed(there)), *([_percent(passed(there))] if judged else [])]
-        cells += [_median(campaign, flown, column) for column in (tracked, *(column for _, column in estimates))]
+    for point in summary.points[:_MOST]:
+        flights = point.flights
+        cells: list[Cell] = [point.point, *(value_words(point.values[key]) for key in keys), flights.flights]
+        cells += [flights.errors] if failed else []
+        cells += [_percent(flights.departed), *([_percent(flights.passed)] if judged else [])]
+        cells += [_median(flights, column) for column in (tracked, *(column for _, column in estimates))]
         rows.append(cells)
     note = (
         "Shares with exact 95 % intervals. Medians over the flights, where there are 6 or more with intervals that hold them with 95 %; "
         f"tracking is that of {what}."
     )
-    if len(campaign.programme.points) > _MOST:
-        note += f" The first {_MOST} of {len(campaign.programme.points)} points; summary.json has all."
+    if len(summary.points) > _MOST:
+        note += f" The first {_MOST} of {len(summary.points)} points; summary.json has all."
     formats = {**dict.fromkeys(columns, ".3g"), **dict.fromkeys(columns[len(columns) - len(estimates) :], ".2g")}
     return Table("points", "Points", columns, rows, formats, note)
 
 
-def _estimate(campaign: Campaign, name: str) -> str | None:
-    """Return the column that says most of an estimator: its error after the failure, or, where nothing fails, its false alarms."""
-    for metric in ("median_abs_error_post", "false_alarms"):
-        if any(row[f"{name}.{metric}"] is not None for row in campaign.flown):
-            return f"{name}.{metric}"
-    return None
+def _estimate(summary: CampaignSummary, name: str) -> str | None:
+    """Return the column that judges an estimator: its error after the failure, or its false alarms where nothing fails."""
+    columns = (f"{name}.median_abs_error_post", f"{name}.false_alarms")
+    return next((column for column in columns if summary.quantity(column) is not None), None)
 
 
 def _short(column: str) -> str:
     return "|K-hat - K|" if column.endswith("median_abs_error_post") else "false alarms"
 
 
-def _median(campaign: Campaign, rows: Sequence[Row], column: str) -> Cell:
-    found: Quantity = quantity(rows, column, tests=detectors(campaign.scenario))
-    if not found.known:
+def _median(flights: FlightsSummary, column: str) -> Cell:
+    if column not in flights.quantities:
         return None
-    middle = found.median
+    middle = flights.quantities[column].median
     return middle if isfinite(middle.low) and isfinite(middle.high) else middle.estimate
 
 
-def _percent(interval: Interval | None) -> Cell:
-    if interval is None:
+def _percent(of: ShareSummary | None) -> Cell:
+    if of is None:
         return None
+    interval = of.share
     return Interval(100 * interval.estimate, 100 * interval.low, 100 * interval.high, interval.runs)
 
 
 def _maps(campaign: Campaign) -> list[Picture]:
-    """Draw, over two crossed axes, the share that passed (departed, without criteria) and the median tracking."""
+    """Draw the share that passed (without criteria: departed) and the median tracking over two crossed axes."""
     settings = campaign.programme.settings
     axes = [axis for axis in campaign.programme.axes if not axis.is_drawn]
     if settings is None or settings.combine != "crossed" or len(axes) != 2:
         return []
-    judged, (tracked, what_for, unit, _) = campaign.passed is not None, followed(campaign.flown)
+    summary = campaign.summary
+    judged, (tracked, what_for, unit, _) = summary.flights.passed is not None, summary.tracking.followed
     shares, medians = [], []
-    for _, there in by_point(campaign):
-        share = passed(there) if judged else departed(there)
-        shares.append(np.nan if share is None else 100.0 * share.estimate)
-        values = [float(row[tracked] or 0.0) for row in there if row[tracked] is not None]
-        medians.append(float(np.median(values)) if values else np.nan)
+    for point in summary.points:
+        of, tracking = point.flights.passed if judged else point.flights.departed, point.flights.quantities.get(tracked)
+        shares.append(np.nan if of is None else 100.0 * of.share.estimate)
+        medians.append(np.nan if tracking is None else tracking.median.estimate)
     what = "passed" if judged else "departed"
     explained = (
         f"Passed: {criteria_words(settings.criteria)}." if judged else "Departed: alpha more than 25 deg from trim."

@@ -1,4 +1,4 @@
-"""Campaign -> its report: how many departed, its points, distributions, histories, medians, the worst flight."""
+"""Campaign -> its report: headline, points, distributions, histories, medians, the worst flight."""
 
 from __future__ import annotations
 
@@ -8,27 +8,26 @@ import numpy as np
 
 from flightbed import drawing, palette
 from flightbed.bootstrap import FEWEST, FEWEST_OF_PERCENTILE, RESAMPLES
-from flightbed.campaign import Campaign
 from flightbed.campaign_ensembles import histories_sections
-from flightbed.campaign_lead import lead, often, tracking, which
+from flightbed.campaign_lead import flight_label, lead, median_cell
 from flightbed.campaign_points import points_section
-from flightbed.campaign_table import followed
+from flightbed.campaign_result import Campaign
+from flightbed.campaign_summary import CampaignSummary, WorstSummary
 from flightbed.card import FOLLOWED, flown, outcome
 from flightbed.document import Cell, Document, Listing, Picture, Section, Table
 from flightbed.extension import at_hand, permits
 from flightbed.figures import pictures
+from flightbed.flight_result import Result
 from flightbed.naming import numbered
-from flightbed.percentiles import PERCENTILES
-from flightbed.programme import versions
 from flightbed.pull_up import PULL_UP_METRICS
-from flightbed.report import ESTIMATOR_METRICS, again
+from flightbed.report import ESTIMATOR_METRICS, rerun_command
 from flightbed.statistics import Interval
 from flightbed.units import unit_of
 
 Line = tuple[str, str, list[float]]  # name, colour, values
 
 _BINS = 30
-_MOST_ERRORS = 20  # that the page tells
+_MOST_ERRORS = 20  # different messages on the page
 _MEANINGS = {
     "departed_at_s": "departure, over the flights that departed",
     "flown_s": "time flown",
@@ -45,40 +44,42 @@ _MEANINGS = {
 
 
 def campaign_report(campaign: Campaign) -> Document:
-    """Return the report of a campaign; the same for the same flights, but for the time that they took."""
-    scenario, programme, worst = campaign.scenario, campaign.programme, campaign.worst
+    """Return the report of a campaign; equal flights give an equal report, apart from the wall time."""
+    scenario, programme, worst, summary = campaign.scenario, campaign.programme, campaign.worst, campaign.summary
     aircraft = scenario.aircraft.model if worst is None else worst.plan.aircraft.name
     seeds, condition = _seeds(campaign), f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     facts = {
         "again": _all_again(campaign),
-        "flights": len(campaign.rows),
+        "flights": summary.flights.flights,
         "seeds": seeds,
-        "wall_time_s": round(campaign.wall_time_s, 1),
+        "wall_time_s": round(summary.wall_time_s, 1),
         "aircraft": f"{aircraft}, SHA-256 {', '.join(programme.aircraft)}",
-        "campaign": f"SHA-256 {programme.fingerprint}",
-        "versions": dict(versions()),
+        "campaign": f"SHA-256 {summary.fingerprint}",
+        "versions": dict(summary.versions),
     }
     what = [row if row[0] != "seed" else ("seeds", seeds) for row in flown(scenario, aircraft)]
-    varied = "What flew" if len(programme.axes) == 0 else "What flew, but for what is varied"
+    title_of_settings = "Settings" if len(programme.axes) == 0 else "Fixed settings"
     sections = [
         *points_section(campaign),
-        Section(varied, (), [Table("flown", "The flights", ("", ""), what)]),
-        *([_failures(campaign)] if campaign.failed else []),
+        Section(title_of_settings, (), [Table("flown", "The flights", ("", ""), what)]),
+        *([_failures(summary)] if summary.errors else []),
     ]
-    if worst is not None:
+    if worst is not None and summary.worst is not None:
         sections += [
-            Section("How the flights differ", (), _distributions(campaign)),
+            Section("Distributions", (), _distributions(campaign)),
             *histories_sections(campaign),
             Section(
                 "Medians and means",
                 (),
-                [*([_tracked(campaign)] if tracking(campaign).known else []), *_medians(campaign)],
+                [*([_tracked(summary)] if summary.tracking.percentiles else []), *_medians(summary)],
             ),
-            _worst(campaign),
-            again(scenario.to_toml(), campaign.override, worst.summary["versions"], at_hand(worst.summary)),
+            _worst(worst, summary.worst),
+            rerun_command(
+                scenario.to_toml(), summary.worst.options, worst.summary.versions, at_hand(worst.summary.own_code)
+            ),
         ]
     where = f" at {condition}" if len(programme.points) == 1 else f", {len(programme.points)} points"
-    title = f"{programme.name}: {len(campaign.rows)} flights of {aircraft}{where}"
+    title = f"{programme.name}: {summary.flights.flights} flights of {aircraft}{where}"
     return Document(title, sections, facts, lead(campaign))
 
 
@@ -90,73 +91,78 @@ def _seeds(campaign: Campaign) -> str:
 
 
 def _all_again(campaign: Campaign) -> str:
-    own = "" if campaign.worst is None else permits(campaign.worst.summary)
+    own = "" if campaign.worst is None else permits(campaign.worst.summary.own_code)
     if campaign.programme.settings is not None:
         return f"flightbed campaign FOLDER/campaign.toml{own}"
     return f"flightbed campaign FOLDER/scenario.toml --runs {len(campaign.rows)}{own}"
 
 
-def _failures(campaign: Campaign) -> Section:
-    """Return what the flights that raised have said, each message once."""
-    said: dict[str, list[int]] = {}
-    for row in campaign.failed:
-        said.setdefault(str(row["error"]), []).append(int(row["index"] or 0))
+def _failures(summary: CampaignSummary) -> Section:
+    """Return the errors that flights raised, each message once."""
     rows: list[list[Cell]] = [
-        [len(indices), ", ".join(map(str, indices[:5])) + (", ..." if len(indices) > 5 else ""), error]
-        for error, indices in sorted(said.items(), key=lambda item: -len(item[1]))[:_MOST_ERRORS]
-    ]
-    text = f"{len(campaign.failed)} of {len(campaign.rows)} flights raised an error; they are in no other number of this page."
+        [len(error.indices), ", ".join(map(str, error.indices[:5])) + (", ..." if len(error.indices) > 5 else ""), error.message]
+        for error in sorted(summary.errors, key=lambda error: -len(error.indices))[:_MOST_ERRORS]
+    ]  # fmt: skip
+    text = f"{summary.flights.errors} of {summary.flights.flights} flights raised an error; no other number on this page includes them."
     return Section("Flights that failed", (text,), [Table("errors", "Errors", ("flights", "indices", "error"), rows)])
 
 
-def _medians(campaign: Campaign) -> list[Table]:
+def _medians(summary: CampaignSummary) -> list[Table]:
     columns = ("metric", "unit", "median (95 % interval)", "mean (95 % interval)", "5 %", "95 %", "flights", "never in")
     note = (
-        "The median's interval holds it with at least 95 % whatever the distribution; fewer than 6 flights leave it open. What never "
-        "happened counts as infinite in it, and is left out of the range from 5 to 95 %; there is no mean then. The mean's interval "
+        "The median's interval is exact for any distribution, at least 95 %; with fewer than 6 flights it is open. An event that did not "
+        "occur counts as infinite in the median; the 5 and 95 % percentiles leave it out, and the mean is not defined. The mean's interval "
         f"is bootstrapped (BCa, {RESAMPLES} resamples from the campaign's seed), from {FEWEST} flights on."
     )
-    tables, told = [], campaign.quantities()
-    for owner in ("", *campaign.estimators):
-        rows: list[list[Cell]] = []
-        for q in told:
-            name, _, key = q.column.rpartition(".")
-            if name == owner:
-                around = (q.spread.low, q.spread.high)
-                rows.append([key, unit_of(key), often(q), _closed(q.mean), *around, len(q.known), q.never or None])
+    tables, known = [], dict[str, None]()
+    for owner in ("", *summary.flights.estimators):
+        quantities = summary.flights.of_owner(owner)
+        known |= dict.fromkeys(quantities)
+        rows: list[list[Cell]] = [
+            [
+                key,
+                unit_of(key),
+                median_cell(q),
+                _closed(q.mean),
+                q.p5.estimate,
+                q.p95.estimate,
+                q.flights,
+                q.never or None,
+            ]
+            for key, q in quantities.items()
+        ]
         title = f"Estimator '{owner}'" if owner else "The flights"
         key, spec = (f"medians-{owner}", ".3g") if owner else ("medians", ".4g")
         tables.append(Table(key, title, columns, rows, dict.fromkeys(columns, spec), "" if owner else note))
-    known = dict.fromkeys(q.column.rpartition(".")[2] for q in told)
-    tables.append(Table("meanings", "What they are", ("metric", "meaning"), [[key, _MEANINGS[key]] for key in known]))
+    tables.append(Table("meanings", "Metrics", ("metric", "meaning"), [[key, _MEANINGS[key]] for key in known]))
     return tables
 
 
 def _closed(interval: Interval | None) -> Cell:
-    """Return an interval for a table; its estimate alone where it is open."""
+    """Return an interval for a table cell; only its estimate where an end is infinite."""
     if interval is None or np.isfinite([interval.low, interval.high]).all():
         return interval
     return interval.estimate
 
 
-def _tracked(campaign: Campaign) -> Table:
-    """Return mean and percentiles of tracking with exact intervals, as far as there are any, and bootstrapped ones."""
-    chosen = tracking(campaign)
-    rows: list[list[Cell]] = [["mean", None if chosen.mean is None else chosen.mean.estimate, None, _ends(chosen.mean)]]
-    for percent in PERCENTILES:
-        exact = chosen.percentile(percent)
-        rows.append([f"{percent} %", exact.estimate, _ends(exact), _ends(chosen.resampled_percentile(percent))])
-    told_of = followed(campaign.flown)
+def _tracked(summary: CampaignSummary) -> Table:
+    """Return mean and percentiles of the tracking RMS, with exact and with bootstrapped intervals."""
+    followed, exact = summary.tracking.followed, summary.tracking.percentiles
+    resampled = summary.resampled[followed.column]
+    mean = resampled.mean
+    rows: list[list[Cell]] = [["mean", None if mean is None else mean.estimate, None, _ends(mean)]]
+    for percent, interval in exact.items():
+        rows.append([f"{percent} %", interval.estimate, _ends(interval), _ends(resampled.percentiles[percent])])
     columns = (
-        f"RMS of {told_of.what}, {told_of.unit}",
+        f"RMS of {followed.what}, {followed.unit}",
         "estimate",
         "exact 95 % interval",
         "bootstrapped 95 % interval",
     )
     note = (
-        f"Exact: between order statistics, whatever the distribution; of the mean there is none. Bootstrapped from {RESAMPLES} resamples: "
+        f"Exact: between order statistics, for any distribution; none for the mean. Bootstrapped from {RESAMPLES} resamples: "
         f"the mean BCa, from {FEWEST} flights on; percentiles by the percentile method, from {FEWEST_OF_PERCENTILE} on; at 5 and 95 % "
-        "these hold what they should too seldom, of 100 flights in about 86 % of campaigns."
+        "their coverage is too low, about 86 % with 100 flights."
     )
     return Table("tracked", "Tracking", columns, rows, dict.fromkeys(columns, ".4g"), note)
 
@@ -173,15 +179,15 @@ def _colors(campaign: Campaign) -> dict[str, str]:
 
 def _distributions(campaign: Campaign) -> list[Picture]:
     """Return histograms: of tracking by what came of the flight, of the errors and delays of every estimator."""
-    chosen = tracking(campaign)
+    followed = campaign.summary.tracking.followed
+    chosen = campaign.quantity(followed.column)
     gone = [row["departed"] for row in campaign.flown]
     by_end: list[Line] = [
         (name, color, [v for v, away in zip(chosen.values, gone, strict=True) if v is not None and away == wanted])
         for name, color, wanted in (("stayed", drawing.ACTUAL, False), ("departed", drawing.FAILURE, True))
     ]
-    told_of = followed(campaign.flown)
-    what, after = f"RMS of {told_of.what}", "from 0.3 s after the failure" if told_of.after else "of the whole flight"
-    found = [_histogram("tracking", "Tracking", f"{what} {after}.", f"{what}, {told_of.unit}", by_end)]
+    what, after = f"RMS of {followed.what}", "from 0.3 s after the failure" if followed.after else "of the whole flight"
+    found = [_histogram("tracking", "Tracking", f"{what} {after}.", f"{what}, {followed.unit}", by_end)]
     for key, title, text, label in (
         ("median_abs_error_post", "Error of K", "Of each flight the median from 0.3 s after the failure.", "median |K-hat - K|"),
         ("first_within_20pct_s", "Settling", "From the failure to the first K-hat within +-20 % of K.", "time after the failure, s"),
@@ -196,7 +202,7 @@ def _distributions(campaign: Campaign) -> list[Picture]:
 def _histogram(
     key: str, title: str, text: str, label: str, lines: Sequence[Line], tick_s: float | None = None
 ) -> Picture | None:
-    """Draw how often which values occur, each kind on axes of its own; None if there are none. Times come in whole ticks."""
+    """Draw a histogram per line, each on its own axes; None without values. Bins of times hold whole ticks."""
     shown = [(name, color, [v for v in values if np.isfinite(v)]) for name, color, values in lines]
     shown = [(name, color, values) for name, color, values in shown if values]
     if not shown:
@@ -224,7 +230,7 @@ def _range(values: Sequence[float]) -> str:
 
 
 def _edges(low: float, high: float, tick_s: float | None) -> list[float]:
-    """Return the edges of the bins from a least to a largest value; of times, with whole ticks in their middle."""
+    """Return the edges of the bins from the smallest to the largest value; bins of times are centred on whole ticks."""
     if tick_s is None:
         pad = 0.0 if high - low > 1e-9 * abs(high) else 0.05 * (abs(high) or 1.0)
         edges: list[float] = np.linspace(low - pad, high + pad, _BINS + 1).tolist()
@@ -234,11 +240,9 @@ def _edges(low: float, high: float, tick_s: float | None) -> list[float]:
     return [(first - 0.5 + each * i) * tick_s for i in range((last - first) // each + 2)]
 
 
-def _worst(campaign: Campaign) -> Section:
-    worst = campaign.worst
-    assert worst is not None
-    stayed = f"; {outcome(worst.summary)}" if worst.summary["ended"] == "time" else ""
-    named = which(campaign)
-    text = f"{named[0].upper()}{named[1:-2]}: {campaign.reason}{stayed}."
-    listing = Listing("It flies again, with a report of its own, by", campaign.again)
+def _worst(worst: Result, found: WorstSummary) -> Section:
+    stayed = f"; {outcome(worst.summary)}" if worst.summary.ended == "time" else ""
+    label = flight_label(found)
+    text = f"{label[0].upper()}{label[1:-2]}: {found.reason}{stayed}."
+    listing = Listing("Command that repeats this flight, with its own report", found.rerun_command)
     return Section("The worst flight", (text,), [listing, *pictures(worst, ("pitch-rate", "effectiveness"))])

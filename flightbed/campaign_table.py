@@ -1,4 +1,4 @@
-"""Flights of a campaign -> a table, a row a flight, and its columns as quantities: medians with intervals, ranges."""
+"""Flights of a campaign -> a table with one row per flight, and its columns as quantities: medians with intervals, ranges."""
 
 from __future__ import annotations
 
@@ -18,14 +18,13 @@ from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.programme import Flight
 from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.settings import Criterion, Scenario
-from flightbed.statistics import Interval, Spread, median_interval, quantile_interval, spread
+from flightbed.statistics import Interval, median_interval, quantile_interval, share
 from flightbed.units import unit_of
 
 Value = int | float | bool | str | None
 Row = Mapping[str, Value]
 
-# None of flights whose aileron and rudder are not commanded: those of roll rate and sideslip; of flights that are not commanded in g:
-# those of the load factor, and of a pull-up.
+# None: columns of roll rate and sideslip without commanded aileron and rudder; columns of load factor and pull-up without a command in g.
 TRACKING = (
     "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s", "tracking_rms_pre_p_deg_s", "tracking_rms_post_p_deg_s",
     "tracking_rms_pre_beta_deg", "tracking_rms_post_beta_deg", "tracking_rms_pre_nz_g", "tracking_rms_post_nz_g",
@@ -40,11 +39,11 @@ _KINDS = MappingProxyType(
     }
 )  # fmt: skip
 _NO_QUANTITIES = (*_KINDS, "estimators_since_s")
-_EVENTS = ("first_within_20pct_s", "first_within_20pct_smoothed_s", "detected_at_s")  # None: it never happened
+_EVENTS = ("first_within_20pct_s", "first_within_20pct_smoothed_s", "detected_at_s")  # None: did not occur
 
 
 class Followed(NamedTuple):
-    """The tracking that counts: its column, what is told of (reading - reference), unit, and whether it is that after the failure."""
+    """The tracking RMS that judges flights: its column, the error in words, unit, and whether it is that after the failure."""
 
     column: str
     what: str
@@ -53,7 +52,7 @@ class Followed(NamedTuple):
 
 
 def followed(rows: Sequence[Row]) -> Followed:
-    """Return the tracking that counts: of the pitch rate, or where none is asked for of the load factor; after the failure if any."""
+    """Return the tracking RMS that judges flights: of pitch rate, or, without its command, of load factor; after the failure if any."""
     for (what, key, unit), when in product(FOLLOWED[:2], ("post", "pre")):
         column = f"tracking_rms_{when}_{key}"
         if any(row[column] is not None for row in rows):
@@ -64,12 +63,12 @@ def followed(rows: Sequence[Row]) -> Followed:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that every flight has, or may have.
+    """A number of every flight.
 
     Attributes:
         column: its name in the table.
-        values: one a flight; infinite where it never happened, None where it cannot be said.
-        seed: the campaign's, from which intervals by resampling come.
+        values: one per flight; infinite for an event that did not occur, None where it is not defined.
+        seed: of the campaign, for intervals by resampling.
 
     """
 
@@ -79,60 +78,36 @@ class Quantity:
 
     @property
     def known(self) -> list[float]:
-        """Values that can be said, those that never happened (infinite) among them."""
+        """Defined values, infinite ones included."""
         return [v for v in self.values if v is not None]
 
     @property
     def never(self) -> int:
-        """Flights in which it never happened."""
+        """Number of flights without the event."""
         return sum(not isfinite(v) for v in self.known)
 
     @property
     def median(self) -> Interval:
-        """Median, with its exact distribution-free 95 % interval; what never happened counts as infinite."""
+        """Median, with its exact distribution-free 95 % interval; an event that did not occur counts as infinite."""
         return median_interval(self.known)
-
-    @property
-    def spread(self) -> Spread:
-        """Median and 5-95 % range over the flights in which it happened."""
-        return spread(self.known)
 
     @property
     def _happened(self) -> list[float]:
         return [v for v in self.known if isfinite(v)]
 
     def percentile(self, percent: float) -> Interval:
-        """Return a percentile over the flights in which it happened, with its exact distribution-free 95 % interval."""
+        """Return a percentile of the finite values, with its exact distribution-free 95 % interval."""
         happened = self._happened
         return quantile_interval(happened, percent / 100.0) if happened else Interval(nan, -inf, inf, 0)
 
     @property
     def mean(self) -> Interval | None:
-        """Mean, with its 95 % interval by resampling; None where in some flight it never happened, for then there is none."""
+        """Mean, with its 95 % interval by resampling; None with an infinite value."""
         return None if self.never or not self.known else mean_interval(self.known, self.seed, self.column)
 
     def resampled_percentile(self, percent: float) -> Interval:
-        """Return the same percentile with a 95 % interval by resampling; of what happened in one flight at least."""
+        """Return the same percentile with a 95 % interval by resampling; at least one value is finite."""
         return percentile_interval(self._happened, percent, self.seed, self.column)
-
-    def to_dict(self) -> dict[str, float | int | None]:
-        """Return plain values, ready for JSON: null for what is infinite, or cannot be said."""
-        middle, low, high, mean = self.median, self.percentile(5), self.percentile(95), self.mean
-        found = {
-            "median": middle.estimate,
-            "low": middle.low,
-            "high": middle.high,
-            "p5": low.estimate,
-            "p5_low": low.low,
-            "p5_high": low.high,
-            "p95": high.estimate,
-            "p95_low": high.low,
-            "p95_high": high.high,
-            **({} if mean is None else {"mean": mean.estimate, "mean_low": mean.low, "mean_high": mean.high}),
-        }
-        plain = {name: value if isfinite(value) else None for name, value in found.items()}
-        none = dict.fromkeys(("mean", "mean_low", "mean_high")) if mean is None else {}
-        return {**plain, **none, "flights": middle.runs, "never": self.never}
 
 
 def metric_columns(scenario: Scenario) -> list[str]:
@@ -145,13 +120,13 @@ def _metric_columns(estimators: Iterable[str]) -> list[str]:
 
 
 def row(flight: Flight, known: str, metrics: Metrics, *, ticks: int, scenario: Scenario) -> Row:
-    """Return the row of a flight that was flown: column -> value, None where there is none.
+    """Return the row of a flight: column -> value, None where it is not defined.
 
     Args:
-        flight: which.
+        flight: index, point, values and seed.
         known: its hash.
-        metrics: how it went.
-        ticks: how many it lasted.
+        metrics: of the flight.
+        ticks: its duration.
         scenario: of the flight.
 
     """
@@ -172,7 +147,7 @@ def row(flight: Flight, known: str, metrics: Metrics, *, ticks: int, scenario: S
 
 
 def failed_row(flight: Flight, known: str | None, error: str, estimators: Sequence[str]) -> Row:
-    """Return the row of a flight that raised: what it said, and no metrics."""
+    """Return the row of a flight that raised: its error, and no metrics."""
     return {**_identity(flight, known, error), **dict.fromkeys(_metric_columns(estimators))}
 
 
@@ -184,7 +159,7 @@ def _identity(flight: Flight, known: str | None, error: str | None) -> Row:
 
 
 def passes(row: Row, criteria: Sequence[Criterion]) -> bool | None:
-    """Tell whether a flight keeps all criteria; None if there are none. What has no value, or raised, does not."""
+    """Return whether a flight meets all criteria; None without criteria. A flight that raised, or without a value, does not."""
     return all(_keeps(row[c.metric], c) for c in criteria) if criteria else None
 
 
@@ -198,10 +173,22 @@ def _keeps(value: Value, criterion: Criterion) -> bool:
     return not isinstance(value, str) and low <= value <= high
 
 
-def quantity(table: Sequence[Row], column: str, *, tests: Collection[str], seed: int = 0) -> Quantity:
-    """Return a column of numbers as a quantity; what did not happen to an estimator after a failure never happened.
+def departed(rows: Sequence[Row]) -> Interval | None:
+    """Return the share of the flights that did not raise that departed, with its exact interval; None where all raised."""
+    known = [row["departed"] for row in rows if row["error"] is None]
+    return share(known.count(True), len(known)) if known else None
 
-    An alarm can happen to the estimators ``tests`` alone, and to those that raise one anyhow.
+
+def passed(rows: Sequence[Row]) -> Interval | None:
+    """Return the share of the flights that meet the criteria, with its exact interval; None without criteria."""
+    known = [row["passed"] for row in rows]
+    return None if not known or None in known else share(known.count(True), len(known))
+
+
+def quantity(table: Sequence[Row], column: str, *, tests: Collection[str], seed: int = 0) -> Quantity:
+    """Return a column of numbers as a quantity; an event missing after a failure did not occur and counts as infinite.
+
+    Alarms are defined for the estimators ``tests``, and for any other that raised one.
     """
     name, _, metric = column.rpartition(".")
     happens = metric in _EVENTS and (
@@ -228,7 +215,7 @@ def write_table(table: Sequence[Row], path: Path, keys: Sequence[str] = ()) -> N
     Args:
         table: rows, each with the same columns; at least one.
         path: where to.
-        keys: columns that are values of axes: theirs is the narrowest kind that holds them all.
+        keys: columns with values of axes, stored in the narrowest type that holds them all.
 
     """
     import pyarrow as pa

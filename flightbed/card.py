@@ -1,45 +1,46 @@
-"""The run card of a flight: what flew, what failed, what came of it, in words."""
+"""Run card of a flight: settings, failures and outcome as text."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from flightbed import registry
 from flightbed.consistency import idle_keys
 from flightbed.event_log import failures, gusts, milliseconds
+from flightbed.metrics import PHASES
+from flightbed.pacing import Punctuality
+from flightbed.run_summary import RunSummary
 from flightbed.settings import Command, RollCommand, Scenario, SideslipCommand
 from flightbed.units import unit_of
 
 
-def run_card(scenario: Scenario, summary: dict[str, Any]) -> str:
-    """Return the run card, Markdown."""
-    trim, condition = summary["trim"], scenario.condition
-    pace = f"- real time: {kept_pace(summary)}\n" if summary["realtime"] else ""
+def run_card(scenario: Scenario, summary: RunSummary) -> str:
+    """Return the run card of a flight, Markdown."""
+    trim, condition = summary.trim, scenario.condition
+    pace = f"- real time: {kept_pace(summary.realtime, summary.flown_s)}\n" if summary.realtime else ""
     estimators = "".join(
-        f"| {name} | {_show(m['median_abs_error_post'], '.3f')} | {_show(m['rms_error_smoothed_post'], '.3f')} "
-        f"| {_show(m['first_within_20pct_s'], '.2f')} | {_show(m['nis_mean'], '.2f')} | {_show(m['nis_expected'], 'g')} |\n"
-        for name, m in summary["estimators"].items()
+        f"| {name} | {_show(m.median_abs_error_post, '.3f')} | {_show(m.rms_error_smoothed_post, '.3f')} "
+        f"| {_show(m.first_within_20pct_s, '.2f')} | {_show(m.nis_mean, '.2f')} | {_show(m.nis_expected, 'g')} |\n"
+        for name, m in summary.metrics.estimators.items()
     )
-    own = "; ".join(f"{code['name']}, SHA-256 {(code['sha256'] or 'unknown')[:12]}" for code in summary["extensions"])
+    own = "; ".join(f"{code.name}, SHA-256 {(code.sha256 or 'unknown')[:12]}" for code in summary.extensions)
     own_line = f"- own code: {own}\n" if own else ""
     table = (
-        f"| estimator | median abs. error | smoothed RMS error | first within 20 %, s | mean NIS | NIS if right |\n"
+        f"| estimator | median abs. error | smoothed RMS error | first within 20 %, s | mean NIS | expected NIS |\n"
         f"|---|---|---|---|---|---|\n{estimators}\n"
     )
     return (
         f"# {scenario.name}\n\n{scenario.description}\n\n"
         f"**{scenario.aircraft.model}**, Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft, seed {scenario.seed}: "
         f"**{outcome(summary)}**\n\n"
-        f"- trim: alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg\n"
+        f"- trim: alpha {trim.alpha_deg:.3f} deg, elevator {trim.elevator_deg:.3f} deg\n"
         f"- law: {scenario.control.law}; {correction(scenario)}\n"
         f"- tracking RMS: {tracking_words(scenario, summary)}\n{pace}"
         f"{_happening(scenario)}{own_line}\n"
         f"{table if estimators else ''}"
-        f"flightbed {summary['versions']['flightbed']}, JSBSim {summary['versions']['jsbsim']}\n"
+        f"flightbed {summary.versions['flightbed']}, JSBSim {summary.versions['jsbsim']}\n"
     )
 
 
-# What follows a reference: (words, its key in metrics.json after tracking_rms_pre_ and _post_, unit).
+# Quantities with a reference: (words, end of their keys tracking_rms_pre_KEY and tracking_rms_post_KEY in metrics.json, unit).
 FOLLOWED = (
     ("q - q_ref", "deg_s", "deg/s"), ("nz - nz_ref", "nz_g", "g"), ("p - p_ref", "p_deg_s", "deg/s"),
     ("beta - beta_ref", "beta_deg", "deg"),
@@ -47,25 +48,25 @@ FOLLOWED = (
 
 
 def followed(scenario: Scenario) -> tuple[tuple[str, str, str], ...]:
-    """Return what follows a reference in a flight, of FOLLOWED: pitch rate or load factor, and roll rate and sideslip where commanded."""
+    """Return the quantities of FOLLOWED with a reference: pitch rate or load factor; roll rate and sideslip where commanded."""
     pitch, pulled, *turning = FOLLOWED
     return (pulled if scenario.in_g else pitch, *(turning if scenario.lateral.enabled else ()))
 
 
-def tracking_words(scenario: Scenario, summary: dict[str, Any]) -> str:
-    """Return in words how well the references were followed: of roll and yaw too where they are commanded."""
-    told = []
+def tracking_words(scenario: Scenario, summary: RunSummary) -> str:
+    """Return the tracking RMS of every quantity with a reference, in words."""
+    texts = []
     for what, key, unit in followed(scenario):
-        before, after = (_show(summary[f"tracking_rms_{when}_{key}"], ".2f") for when in ("pre", "post"))
+        before, after = (_show(summary.metrics.tracking_rms(phase, key), ".2f") for phase in PHASES)
         words = f"{before} {unit}"
-        if summary["failed_at_s"] is not None:
+        if summary.failed_at_s is not None:
             words += f" before, {after} {unit} from 0.3 s after the failure"
-        told.append(f"{what} {words}" if len(followed(scenario)) > 1 or scenario.in_g else words)
-    return "; ".join(told)
+        texts.append(f"{what} {words}" if len(followed(scenario)) > 1 or scenario.in_g else words)
+    return "; ".join(texts)
 
 
 def _happening(scenario: Scenario) -> str:
-    """Return the lines of a card on what happens to the aircraft."""
+    """Return the lines of a card on failures and air."""
     return (
         f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
         f"- air: turbulence {scenario.atmosphere.turbulence}; gusts {'; '.join(gusts(scenario)) or 'none'}\n"
@@ -73,7 +74,7 @@ def _happening(scenario: Scenario) -> str:
 
 
 def plan_card(scenario: Scenario) -> str:
-    """Return the card of a flight that has not been flown, Markdown."""
+    """Return the card of a flight before take-off, Markdown."""
     condition = scenario.condition
     return (
         f"# {scenario.name}\n\n{scenario.description}\n\n"
@@ -84,11 +85,11 @@ def plan_card(scenario: Scenario) -> str:
 
 
 def flown(scenario: Scenario, aircraft: str) -> list[tuple[str, str]]:
-    """Return in words what flew: (what, how) of aircraft, condition, command, law, sensors, air and seed.
+    """Return the settings of a flight as (name, words): aircraft, condition, command, law, sensors, air, failures, seed.
 
     Args:
-        scenario: what flew.
-        aircraft: its name.
+        scenario: the settings.
+        aircraft: name of the aircraft.
 
     """
     condition, sensors, rates, noise = scenario.condition, scenario.sensors, scenario.rates, scenario.process_noise
@@ -126,7 +127,7 @@ def flown(scenario: Scenario, aircraft: str) -> list[tuple[str, str]]:
 
 
 def _turning(scenario: Scenario) -> list[tuple[str, str]]:
-    """Return in words what is asked of roll and yaw, and how they are regulated."""
+    """Return commands and regulator of roll and yaw as (name, words)."""
     lateral = scenario.lateral
     weights = ", ".join(
         f"{name} {value:g} {unit}"
@@ -146,10 +147,10 @@ def _turning(scenario: Scenario) -> list[tuple[str, str]]:
 
 
 def command(scenario: Scenario, place: str = "command") -> str:
-    """Return in words what the pilot asks for: the kind and every key that it uses, of code outside flightbed every key that is set.
+    """Return a command in words: its kind and every key that it uses; of code outside flightbed every key that is set.
 
     Args:
-        scenario: what flies.
+        scenario: the settings.
         place: the table of the command: ``"command"``, ``"lateral.roll"`` or ``"lateral.sideslip"``.
 
     """
@@ -175,39 +176,32 @@ def command(scenario: Scenario, place: str = "command") -> str:
 
 
 def correction(scenario: Scenario) -> str:
-    """Return in words what corrects the law."""
+    """Return the correction of the law in words."""
     adaptation = scenario.adaptation
     if not adaptation.enabled:
         return "not corrected"
     return "corrected by 1/K of " + ("the oracle" if adaptation.oracle else f"'{adaptation.estimator}'")
 
 
-def outcome(summary: dict[str, Any]) -> str:
-    """Return in words how a flight ended."""
-    failed = summary["failed_at_s"]
-    ended = summary["departed_at_s"] if summary["departed"] else summary["flown_s"]
-    after = "" if failed is None else f", {ended - failed:.2f} s after the failure"
-    if summary["departed"]:
-        return f"departed at {ended:.2f} s{after}"
-    if summary["ended"] == "ground":
-        return f"hit the ground at {ended:.2f} s{after}"
-    return f"flown to {summary['flown_s']:g} s"
+def outcome(summary: RunSummary) -> str:
+    """Return the end of a flight in words."""
+    failed, ended_s = summary.failed_at_s, summary.ended_s
+    after = "" if failed is None else f", {ended_s - failed:.2f} s after the failure"
+    if summary.metrics.departed:
+        return f"departed at {ended_s:.2f} s{after}"
+    if summary.ended == "ground":
+        return f"hit the ground at {ended_s:.2f} s{after}"
+    return f"flown to {summary.flown_s:g} s"
 
 
-def kept_pace(summary: dict[str, Any]) -> str:
-    """Return in words how well a paced flight kept pace."""
-    kept, control_hz = summary["realtime"], summary["realtime"]["ticks"] / summary["flown_s"]
-    jitter, compute = (
-        {name: milliseconds(value) for name, value in kept[key].items()} for key in ("jitter_ms", "compute_ms")
-    )
-    late = (
-        f" ({kept['late_share']:.2%}), worst by {milliseconds(kept['worst_overrun_ms'])} ms"
-        if kept["late_ticks"]
-        else ""
-    )
+def kept_pace(kept: Punctuality, flown_s: float) -> str:
+    """Return the timing of a paced flight of ``flown_s`` in words."""
+    worst, jitter, compute = kept.worst_overrun_ms, kept.jitter_ms, kept.compute_ms
+    late = "" if worst is None else f" ({kept.late_share:.2%}), worst by {milliseconds(worst)} ms"
     return (
-        f"{kept['ticks']} ticks at {control_hz:g} Hz: {kept['late_ticks']} late{late}; "
-        f"jitter p95 {jitter['p95']}, max {jitter['max']} ms; compute p50 {compute['p50']}, p99 {compute['p99']} ms"
+        f"{kept.ticks} ticks at {kept.ticks / flown_s:g} Hz: {kept.late_ticks} late{late}; "
+        f"jitter p95 {milliseconds(jitter.p95)}, max {milliseconds(jitter.max)} ms; "
+        f"compute p50 {milliseconds(compute.p50)}, p99 {milliseconds(compute.p99)} ms"
     )
 
 

@@ -96,7 +96,7 @@ def run(
         viewer: HOST:PORT of the viewer that live shows it in; without it one on this computer, opened if there is none.
         report: Whether to write the report, a page with figures.
         realtime: Fly at the pace of the clock, and tell how well it was kept.
-        json: Print what metrics.json holds, and the folder, as JSON and nothing else on stdout.
+        json: Print the content of metrics.json, and the folder, as JSON and nothing else on stdout.
 
     """
     from flightbed.extension import check_named, using
@@ -116,7 +116,7 @@ def run(
         parts = {"rerun": rerun != "off", "report": report == "save"}
         result = fly(settings, place, **parts, replace=out is not None, pace=pace, live=live)
     if json:
-        print(json_module.dumps({**result.summary, "folder": str(result.folder)}, indent=2))
+        print(json_module.dumps({**result.summary.to_dict(), "folder": str(result.folder)}, indent=2))
     else:
         from flightbed.screen import run_lines
 
@@ -312,7 +312,7 @@ def campaign(
         resume: Go on with an unfinished campaign: only what is missing is flown.
         set_: KEY=VALUE, replaces one key of the (base) scenario, as in --set failures.0.to=0.35; repeat --set for each key.
         use: MODULE:ATTRIBUTE or FILE.py:ATTRIBUTE, code outside flightbed that the scenario names and that may be imported and run.
-        json: Print what summary.json holds, and the folder, as JSON and nothing else on stdout.
+        json: Print the content of summary.json, and the folder, as JSON and nothing else on stdout.
 
     """
     from flightbed import campaign as campaigns
@@ -329,8 +329,8 @@ def campaign(
                 programme, place, workers=workers, scheduler=scheduler, replace=out is not None, resume=resume, progress=progress,
             )  # fmt: skip
         if json:
-            told = json_module.loads((written / "summary.json").read_text(encoding="utf-8"))
-            print(json_module.dumps({**told, "folder": str(written)}, indent=2))
+            stored = json_module.loads((written / "summary.json").read_text(encoding="utf-8"))
+            print(json_module.dumps({**stored, "folder": str(written)}, indent=2))
         else:
             _print(
                 campaign_lines(flown, written) if flown is not None else [f"nothing is missing; finished in {written}"]

@@ -1,11 +1,11 @@
-"""Runs' folders -> what is the same and what differs between them: settings, metrics, a table."""
+"""Folders of runs -> comparison: settings that differ, metrics, tracking over the same time."""
 
 from __future__ import annotations
 
 import json
 import re
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, inf, isfinite
 from pathlib import Path
@@ -19,27 +19,28 @@ from flightbed.consistency import idle_keys
 from flightbed.document import Cell, Table
 from flightbed.errors import FlightbedError, OutputError
 from flightbed.folder import folder_of
-from flightbed.metrics import SETTLING_S
+from flightbed.metrics import SETTLING_S, EstimatorMetrics
 from flightbed.naming import estimate_name
+from flightbed.run_summary import RunSummary
 from flightbed.scenario import load_scenario
 from flightbed.trace import Trace, Vector, read_trace
 
-# heading, with its unit -> key in metrics.json
-_FLIGHT = {
-    "at a stop, share": "elevator_at_stop_share",
-    "flown, s": "flown_s",
+# heading, with its unit -> value
+_FLIGHT: Mapping[str, Callable[[RunSummary], float | None]] = {
+    "at a stop, share": lambda summary: summary.elevator_at_stop_share,
+    "flown, s": lambda summary: summary.flown_s,
 }
-_PULL_UP = {
-    "pull-up: overshoot, share": "pull_up_overshoot",
-    "- undershoot, share": "pull_up_undershoot",
-    "- elevator above 5 Hz, deg": "pull_up_flutter_deg",
+_PULL_UP: Mapping[str, Callable[[RunSummary], float | None]] = {
+    "pull-up: overshoot, share": lambda summary: summary.metrics.pull_up_overshoot,
+    "- undershoot, share": lambda summary: summary.metrics.pull_up_undershoot,
+    "- elevator above 5 Hz, deg": lambda summary: summary.metrics.pull_up_flutter_deg,
 }
-_ESTIMATOR = {
-    "- median error, share": "median_abs_error_post",
-    "- RMS smoothed, share": "rms_error_smoothed_post",
-    "- within 20 %, s": "first_within_20pct_s",
-    "- change found, s": "detected_at_s",
-    "- mean NIS, 1": "nis_mean",
+_ESTIMATOR: Mapping[str, Callable[[EstimatorMetrics], float | None]] = {
+    "- median error, share": lambda measured: measured.median_abs_error_post,
+    "- RMS smoothed, share": lambda measured: measured.rms_error_smoothed_post,
+    "- within 20 %, s": lambda measured: measured.first_within_20pct_s,
+    "- change found, s": lambda measured: measured.detected_at_s,
+    "- mean NIS, 1": lambda measured: measured.nis_mean,
 }
 _NOTE = (
     "RMS is of q - q_ref, or of nz, p and beta less their references, of all runs over the same time, as long as each flew. Of each "
@@ -50,17 +51,17 @@ _NOTE = (
 
 @dataclass(frozen=True)
 class Run:
-    """A run that was flown before, from its folder.
+    """A run, read from its folder.
 
     Attributes:
-        folder: where it is.
-        label: what it is called beside the others.
+        folder: its path.
+        label: its name among the compared runs.
         color: its colour.
-        trace: the flight.
-        summary: what metrics.json holds.
-        settings: every key of the resolved scenario, dotted, and its value.
-        idle: those of them that have no effect.
-        watched: the estimator to look at: the one that adapts, else the first; None without any.
+        trace: of the flight.
+        summary: of its metrics.json.
+        settings: dotted key of the resolved scenario -> value.
+        idle: keys without effect.
+        watched: the estimator in the figures: the one that corrects the law, else the first; None without estimators.
 
     """
 
@@ -68,14 +69,14 @@ class Run:
     label: str
     color: str
     trace: Trace
-    summary: Mapping[str, Any]
+    summary: RunSummary
     settings: Mapping[str, Any]
     idle: Collection[str]
     watched: str | None
 
     @property
     def failures_s(self) -> tuple[float, ...]:
-        """When failures begin, of those that the flight reached."""
+        """Onsets of the failures that the flight reached, s."""
         hz, end = float(self.settings["rates.control_hz"]), float(self.trace["t_s"][-1])
         times = {ceil(v * hz - 1e-6) / hz for k, v in self.settings.items() if re.fullmatch(r"failures\.\d+\.at_s", k)}
         return tuple(sorted(t_s for t_s in times if t_s <= end + 1e-9))
@@ -86,18 +87,18 @@ class Run:
         return "aileron_deg" in self.trace.columns
 
     def smoothed(self, surface: str) -> Vector | None:
-        """Return the smoothed K of a surface, of the estimator to look at; None if it does not estimate it."""
+        """Return the smoothed K of a surface from the watched estimator; None if it does not estimate it."""
         name = "" if self.watched is None else estimate_name(self.watched, surface)
         return self.trace[f"{name}.effectiveness_smoothed"] if name in self.trace.estimators else None
 
     @property
     def outcome(self) -> str:
-        """How it ended, in a few words."""
-        return outcome(dict(self.summary)).partition(",")[0]
+        """End of the flight, in a few words."""
+        return outcome(self.summary).partition(",")[0]
 
 
 def load_runs(folders: Sequence[str | Path]) -> tuple[Run, ...]:
-    """Read the runs of some folders; each label is the shortest that tells it from the others. Raises OutputError."""
+    """Read runs from their folders; labels are the shortest names that differ. Raises OutputError."""
     if len(folders) < 2:
         raise OutputError(f"compare: needs at least two runs' folders (got {len(folders)})")
     places = [folder_of(folder) for folder in folders]
@@ -116,37 +117,40 @@ def load_runs(folders: Sequence[str | Path]) -> tuple[Run, ...]:
 
 
 def short_name(runs: Sequence[Run]) -> str:
-    """Return a folder's name for a comparison: the labels, as far as they fit."""
+    """Return the name of the folder of a comparison: the labels, cut at 80 characters."""
     words = (re.sub(r"\W+", "-", run.label).strip("-") for run in runs)
     return "-".join(word for word in words if word)[:80].strip("-") or "comparison"
 
 
 class _Read(NamedTuple):
     settings: dict[str, Any]
-    summary: dict[str, Any]
+    summary: RunSummary
     place: Path
     idle: Collection[str]
     watched: str | None
 
 
 def _read(place: Path) -> _Read:
-    """Return the settings and the metrics of a run; code outside flightbed that it names is not loaded."""
+    """Return settings and summary of a run; own code that its scenario names is not loaded."""
     for file in ("scenario.toml", "trace.parquet"):
         if not (place / file).is_file():
             raise OutputError(f"{place}: not a run's folder (no {file})")
     try:
         scenario = tomllib.loads((place / "scenario.toml").read_text(encoding="utf-8"))
-        summary = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
+        stored = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise OutputError(f"{place}: cannot be read: {error}") from None
     settings = _flat(scenario)
-    wanted = ("estimators", "flown_s", "failed_at_s", "departed", "departed_at_s", "ended")
-    if not {"name", "rates.control_hz"} <= set(settings) or not all(key in summary for key in wanted):
+    try:
+        summary = RunSummary.from_dict(stored)
+    except ValueError:
+        summary = None
+    if summary is None or not {"name", "rates.control_hz"} <= set(settings):
         raise OutputError(f"{place}: not a run of this version of flightbed; fly its scenario.toml again")
     names = [str(estimator.get("name", i)) for i, estimator in enumerate(scenario.get("estimators", ()))]
 
     def named(key: str) -> str:
-        """Put an estimator's name in place of its number: the same one may have another in another run."""
+        """Replace an estimator's number by its name: its number may differ between runs."""
         head, _, rest = key.removeprefix("estimators.").partition(".")
         return f"estimators.{names[int(head)]}.{rest}" if key.startswith("estimators.") else key
 
@@ -156,7 +160,7 @@ def _read(place: Path) -> _Read:
 
 
 def _idle(scenario: Mapping[str, Any]) -> Collection[str]:
-    """Return the keys that have no effect; none where code outside flightbed is named, which is not loaded to look at a run."""
+    """Return the keys without effect; none for a scenario with own code, which is not loaded."""
     try:
         return idle_keys(load_scenario(scenario))
     except FlightbedError:
@@ -171,7 +175,7 @@ def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
         items = list(enumerate(value))
     else:
         return {prefix: value}
-    # An empty list is one without tables, such as that of a scenario without failures.
+    # An empty list has no keys, for example the failures of a scenario without any.
     return {k: v for key, inner in items for k, v in _flat(inner, f"{prefix}.{key}" if prefix else str(key)).items()}
 
 
@@ -189,13 +193,13 @@ def _adapts(settings: Mapping[str, Any]) -> bool:
 
 
 def same_line(t_s: Vector, values: Vector, other_t_s: Vector, other: Vector) -> bool:
-    """Tell whether a line is the beginning of another, at the same times."""
+    """Return whether a line is the beginning of another, at the same times."""
     n = len(t_s)
     return n <= len(other_t_s) and np.array_equal(t_s, other_t_s[:n]) and np.array_equal(values, other[:n])
 
 
 def differing(runs: Sequence[Run]) -> Table:
-    """Return the settings that are not the same in all runs."""
+    """Return the settings that differ between runs."""
     keys = dict.fromkeys(key for run in runs for key in run.settings)
     rows: list[list[Cell]] = []
     for key in keys:
@@ -211,27 +215,26 @@ def _word(value: Any) -> str:
 
 
 def metrics_table(runs: Sequence[Run]) -> Table:
-    """Return the metrics of all runs, and how far the later ones are from the first."""
+    """Return the metrics of all runs, with differences from the first."""
     rows: list[list[Cell]] = [["outcome", *(run.outcome for run in runs)]]
     rows.append(["largest |alpha|, deg", *_against_first([_largest(run, "alpha_deg") for run in runs])])
     rows.append(["largest |nz|, g", *_against_first([_largest(run, "nz_g") for run in runs])])
     rows += [[text, *_against_first(values)] for text, values in tracking(runs).items()]
     if any("nz_ref_g" in run.trace.columns for run in runs):
-        rows += [[text, *_against_first([run.summary.get(key) for run in runs])] for text, key in _PULL_UP.items()]
-    rows += [[text, *_against_first([run.summary.get(key) for run in runs])] for text, key in _FLIGHT.items()]
-    for name in dict.fromkeys(name for run in runs for name in run.summary["estimators"]):
+        rows += [[text, *_against_first([value(run.summary) for run in runs])] for text, value in _PULL_UP.items()]
+    rows += [[text, *_against_first([value(run.summary) for run in runs])] for text, value in _FLIGHT.items()]
+    for name in dict.fromkeys(name for run in runs for name in run.summary.metrics.estimators):
         rows.append([name, *("" for _ in runs)])
-        for text, key in _ESTIMATOR.items():
-            values = [run.summary["estimators"].get(name, {}).get(key) for run in runs]
-            rows.append([text, *_against_first(values)])
+        measured = [run.summary.metrics.estimators.get(name) for run in runs]
+        for text, value in _ESTIMATOR.items():
+            rows.append([text, *_against_first([None if one is None else value(one) for one in measured])])
     return Table("metrics", "Metrics", ["", *(run.label for run in runs)], rows, note=_NOTE)
 
 
 def tracking(runs: Sequence[Run]) -> dict[str, list[float | None]]:
-    """Return the RMS of q - q_ref of all runs, over the same time: before the first failure of any of them, and from 0.3 s after it.
+    """Return the tracking RMS of all runs over the same time: before the first failure of any run, and from 0.3 s after it.
 
-    Of runs with roll and yaw that of p - p_ref and beta - beta_ref too. Metrics of a run count from its own failure, which a run without
-    has not.
+    The metrics of a single run are measured from its own failure, which another run may not have.
     """
     reached = [t_s for run in runs for t_s in run.failures_s]
     spans = {"": (0.0, inf)}
@@ -247,7 +250,7 @@ def tracking(runs: Sequence[Run]) -> dict[str, list[float | None]]:
     }
 
 
-# What follows a reference: how it is told, its column and that of its reference, with the unit's suffix between them; the unit.
+# Quantities with a reference: words, name in the columns NAME_SUFFIX and NAME_ref_SUFFIX, suffix, unit.
 _FOLLOWED = (
     ("", "q", "deg_s", "deg/s"),
     (" of nz", "nz", "g", "g"),
@@ -290,19 +293,19 @@ def to_dict(runs: Sequence[Run]) -> dict[str, Any]:
     """Return the comparison for JSON: metrics of every run, differences from the first, settings that differ."""
     table, labels = differing(runs), [run.label for run in runs]
     return {
-        "runs": [{"label": run.label, "folder": str(run.folder.resolve()), **run.summary} for run in runs],
+        "runs": [{"label": run.label, "folder": str(run.folder.resolve()), **run.summary.to_dict()} for run in runs],
         "tracking": {text: dict(zip(labels, values, strict=True)) for text, values in tracking(runs).items()},
-        "differences": {run.label: _minus(run.summary, runs[0].summary) for run in runs[1:]},
+        "differences": {run.label: _minus(run.summary.to_dict(), runs[0].summary.to_dict()) for run in runs[1:]},
         "settings": {str(row[0]): dict(zip(table.columns[1:], row[1:], strict=True)) for row in table.rows},
     }
 
 
 def _minus(these: Mapping[str, Any], those: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the differences of all measured numbers that both have."""
+    """Return the differences of all measured numbers that both runs have."""
     found: dict[str, Any] = {}
     for key, value in these.items():
         if key == "seed" or key.startswith("tracking_rms_"):
-            continue  # no measure; and of different times, if one run alone has a failure: see tracking
+            continue  # the seed is no measure; tracking may be over different times, see ``tracking``
         other = those.get(key)
         if isinstance(value, Mapping) and isinstance(other, Mapping):
             if inner := _minus(value, other):

@@ -43,9 +43,9 @@ def comparison_report(runs: Sequence[Run]) -> Document:
     return Document(
         f"Compared: {names}",
         (
-            Section("What happened", outcomes, (metrics_table(runs),)),
+            Section("Outcomes", outcomes, (metrics_table(runs),)),
             Section("Flights", (), (figure,)),
-            Section("What differs", same, (settings,) if settings.rows else ()),
+            Section("Settings", same, (settings,) if settings.rows else ()),
         ),
         {
             "runs": ", ".join(str(run.folder) for run in runs),

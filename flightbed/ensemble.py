@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.extension import Extension, Packed, carried, named_by
+from flightbed.flight_result import fly_plan
 from flightbed.metrics import Metrics
-from flightbed.mission import Plan, fly_plan, plan
 from flightbed.moments import Moments, total
+from flightbed.plan import Plan, plan
 from flightbed.processes import apart
 from flightbed.scenario import Scenario
 

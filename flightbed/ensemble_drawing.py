@@ -1,4 +1,4 @@
-"""How ensembles are drawn: a median with its bands; how far percentiles are to be trusted."""
+"""Drawing of ensembles: a median with its bands; the accuracy of percentiles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed import drawing
-from flightbed.campaign import Campaign
+from flightbed.campaign_result import Campaign
 from flightbed.percentiles import PERCENTILES, Ensemble
 
 if TYPE_CHECKING:
@@ -21,15 +21,15 @@ SEEN = 0.98  # of the ticks whose bands lie within the frame
 
 
 def sample(ensemble: Ensemble) -> str:
-    """Say how far percentiles are to be trusted."""
+    """Return the accuracy of the percentiles, in words."""
     sampled = ensemble.sampled
     if sampled == ensemble.moments.flying[0]:
         return f"Percentiles are those of all {sampled} flights, interpolated between neighbours, in single precision."
     shares = [1.96 * (p * (100 - p) / sampled) ** 0.5 for p in PERCENTILES[:3]]
-    told = ", ".join(f"{p} +-{share:.1f}" for p, share in zip(PERCENTILES, shares, strict=False))
+    accuracy = ", ".join(f"{p} +-{share:.1f}" for p, share in zip(PERCENTILES, shares, strict=False))
     return (
         f"Percentiles are those of the point's first {sampled} flights: of all flights that could be flown they are, with 95 % "
-        f"confidence, the percentiles {told} (normal approximation to the binomial)."
+        f"confidence, the percentiles {accuracy} (normal approximation to the binomial)."
     )
 
 

@@ -1,4 +1,4 @@
-"""The figures of what was estimated in a flight: K, how well the innovations fit, how far to trust it; facts from what is drawn."""
+"""Figures of the estimates of a flight: K, NIS, reconstructed inputs, standard deviations; each returns computed facts in words."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from flightbed.trace import true_share
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from flightbed.mission import Result
+    from flightbed.flight_result import Result
 
-_NIS_SHOWN = 18.0  # of an estimator that does not say how many readings it predicts; of others three times the bound
+_NIS_SHOWN = 18.0  # upper limit of the axis without a declared number of readings; with it three times the bound
 
 
 def color_of(result: Result, name: str) -> str:
-    """Return the colour of an estimator, the same in all figures."""
+    """Return the colour of an estimate, the same in all figures."""
     return palette.estimate(numbered(result.trace.estimators)[name])
 
 
@@ -31,7 +31,7 @@ def number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
 
 
 def telling(result: Result, column: str = "effectiveness") -> list[str]:
-    """Return the estimates that say something of K, or of another column; one of a gust says nothing of K."""
+    """Return the estimates with finite values in a column; a gust estimator has none of K."""
     return [name for name in result.trace.estimators if np.isfinite(result.trace[f"{name}.{column}"]).any()]
 
 
@@ -46,7 +46,7 @@ def estimated(result: Result) -> list[str]:
 
 
 def effectiveness(axes: list[Axes], result: Result) -> str:
-    """Draw each estimate, its band and the truth of its surface, on axes of its own; returns how far they are from each other."""
+    """Draw each estimate, its band and the true K of its surface on its own axes; returns errors in words."""
     trace, words = result.trace, []
     t = trace["t_s"]
     for axis, name in zip(axes, telling(result), strict=True):
@@ -60,14 +60,12 @@ def effectiveness(axes: list[Axes], result: Result) -> str:
         settled = settled[np.isfinite(settled)]
         axis.set_ylim(max(-1.0, min(-0.08, settled.min() - 0.05)), min(3.0, max(1.25, settled.max() + 0.05)))
         axis.set_ylabel("K")
-        m = result.summary["estimators"][name]
+        m = result.metrics.estimators[name]
         inside = np.mean(np.abs(raw - truth) <= 2.0 * std)
-        after = number(m["median_abs_error_post"], ".2g")
-        error = (
-            "" if m["median_abs_error_post"] is None else f"median |K-hat - K| {after} from 0.3 s after the failure, "
-        )
+        after = number(m.median_abs_error_post, ".2g")
+        error = "" if m.median_abs_error_post is None else f"median |K-hat - K| {after} from 0.3 s after the failure, "
         words.append(
-            f"'{name}' ends at {number(m['final'], '.3f')} (truth {truth[-1]:.3f}), {error}truth within +-2 sigma in "
+            f"'{name}' ends at {number(m.final, '.3f')} (truth {truth[-1]:.3f}), {error}truth within +-2 sigma in "
             f"{inside:.0%} of the ticks."
         )
     return " ".join(words)
@@ -77,7 +75,7 @@ def nis(axes: list[Axes], result: Result) -> str:
     """Draw the NIS of each estimator with its 95 % bound; returns means and shares."""
     words = []
     for axis, name in zip(axes, of_surface(telling(result, "nis"), "elevator"), strict=True):
-        readings = result.summary["estimators"][name]["nis_expected"]
+        readings = result.metrics.estimators[name].nis_expected
         bound = None if readings is None else chi_square_bound(readings)
         shown = _NIS_SHOWN if bound is None else 3.0 * bound
         nis = result.trace[f"{name}.nis"][1:]
@@ -98,7 +96,7 @@ def nis(axes: list[Axes], result: Result) -> str:
 
 
 def reconstruction(axes: list[Axes], result: Result) -> str:
-    """Draw what each reconstruction says of its unknown input, and what that is; returns how far they are apart."""
+    """Draw each reconstructed input and the true one; returns errors in words."""
     trace, words = result.trace, []
     of_gust = {e.name: getattr(e, "unknown", "") == "gust" for e in result.plan.scenario.estimators}
     for axis, name in zip(axes, reconstructing(result), strict=True):
@@ -123,7 +121,7 @@ def reconstruction(axes: list[Axes], result: Result) -> str:
 
 
 def sigma(axes: list[Axes], result: Result) -> str:
-    """Draw what each estimate says of itself, surface by surface, and the bound of the elevator's; returns medians."""
+    """Draw each estimate's own standard deviation of K, per surface, and the Cramer-Rao bound of the elevator's; returns medians."""
     trace, words = result.trace, []
     t, bound, shown = trace["t_s"], trace.columns.get("effectiveness_bound"), estimated(result)
     if bound is not None:

@@ -1,9 +1,8 @@
-"""The event log of a flight: what fails, what blows, what was declared, reached, and late, in words and with their times."""
+"""Event log of a flight: failures, gusts, alarms, stops, late ticks and the end, each with its time, as text."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -12,11 +11,12 @@ from flightbed.estimation.following_kernels import ACTUATOR
 from flightbed.loop import DEPARTURE_RAD
 from flightbed.metrics import at_stop, since_s
 from flightbed.pacing import Spell, late_spells
+from flightbed.run_summary import RunSummary
 from flightbed.settings import Failure, GustSettings, Scenario
 from flightbed.trace import Trace, true_share
 from flightbed.units import DEG
 
-_MANY = 10  # spells of late ticks that the event log tells one by one
+_MANY = 10  # spells of late ticks that the event log lists one by one
 
 
 def failures(scenario: Scenario) -> list[str]:
@@ -62,18 +62,18 @@ def _blows(gust: GustSettings) -> str:
 
 
 def planned_events(scenario: Scenario) -> list[tuple[float, str, bool]]:
-    """Return (time in s, text, severe) of what the scenario says will happen, in order of time."""
+    """Return (time in s, text, severe) of the scenario's failures and gusts, in order of time."""
     planned = [(f.at_s, f"FAILURE: {_happens(f)}", True) for f in scenario.failures]
     return sorted(planned + [(g.at_s, f"gust: {_blows(g)}", False) for g in scenario.gusts])
 
 
 def seen_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int = 0) -> list[tuple[float, str, bool]]:
-    """Return (time in s, text, severe) of what a trace shows from index ``since`` on: declared changes, stops reached.
+    """Return (time in s, text, severe) of the alarms and the commands at a stop in a trace, from index ``since`` on.
 
     Args:
         trace: the flight, or a part of it.
-        actuators: of the surfaces that are commanded, by name.
-        since: index.
+        actuators: surface -> actuator, of the commanded surfaces.
+        since: index of the first row.
 
     """
     seen = []
@@ -91,7 +91,7 @@ def seen_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int =
 
 
 def _declares(trace: Trace, name: str, tick: int) -> str:
-    """Return what an alarm at a tick says."""
+    """Return the verdict of an alarm at a tick, in words."""
     if f"{name}.verdict" not in trace.columns:
         return f"declares a change of K, to {trace[f'{name}.effectiveness'][tick]:.2f}"
     if trace[f"{name}.verdict"][tick] == ACTUATOR:
@@ -100,43 +100,42 @@ def _declares(trace: Trace, name: str, tick: int) -> str:
 
 
 def events(
-    scenario: Scenario, trace: Trace, summary: dict[str, Any], actuators: Mapping[str, Actuator]
+    scenario: Scenario, trace: Trace, summary: RunSummary, actuators: Mapping[str, Actuator]
 ) -> list[tuple[float, str, bool]]:
-    """Return (time in s, text, severe) of what happened, in order of time.
+    """Return (time in s, text, severe) of all events of a flight, in order of time.
 
     Args:
-        scenario: what flew.
-        trace, summary: how, and what metrics.json holds of it.
-        actuators: of the surfaces that were commanded, by name.
+        scenario: the settings.
+        trace, summary: the flight.
+        actuators: surface -> actuator, of the commanded surfaces.
 
     """
     happened = [event for event in planned_events(scenario) if event[0] <= trace["t_s"][-1]]
     happened += seen_events(trace, actuators)
-    weak = {name for name in trace.estimators if np.any(trace[true_share(name)] != 1.0)}
-    told = (
-        set(trace.estimators) if len(actuators) == 1 else weak
-    )  # nobody looks for a K that has not changed beside one that has
-    for name, m in summary["estimators"].items():
-        since = since_s(trace, name, summary["failed_at_s"])
-        if since is not None and m["first_within_20pct_s"] is not None and name in told:
-            happened.append((since + m["first_within_20pct_s"], f"K of '{name}' within 20 % of the truth", False))
+    changed = {name for name in trace.estimators if np.any(trace[true_share(name)] != 1.0)}
+    # With three surfaces only the estimates of a changed K have an event of their own.
+    listed = set(trace.estimators) if len(actuators) == 1 else changed
+    for name, m in summary.metrics.estimators.items():
+        since = since_s(trace, name, summary.failed_at_s)
+        if since is not None and m.first_within_20pct_s is not None and name in listed:
+            happened.append((since + m.first_within_20pct_s, f"K of '{name}' within 20 % of the truth", False))
     happened += _late(late_spells(trace))
-    if summary["ended"] == "ground":
-        happened.append((summary["flown_s"], "HIT THE GROUND", True))
-    if summary["departed"]:
-        happened.append((summary["departed_at_s"], f"DEPARTED: {why_departed(trace)}", True))
+    if summary.ended == "ground":
+        happened.append((summary.flown_s, "HIT THE GROUND", True))
+    if summary.metrics.departed:
+        happened.append((summary.ended_s, f"DEPARTED: {why_departed(trace)}", True))
     return sorted(happened)
 
 
 def why_departed(trace: Trace) -> str:
-    """Return in words what a flight that departed ended by."""
+    """Return the criterion that a departed flight violated, in words."""
     if "beta_deg" in trace.columns and not abs(trace["beta_deg"][-1]) * DEG <= DEPARTURE_RAD:
         return f"sideslip more than {DEPARTURE_RAD / DEG:g} deg"
     return f"alpha more than {DEPARTURE_RAD / DEG:g} deg from trim"
 
 
 def _late(spells: list[Spell]) -> list[tuple[float, str, bool]]:
-    """Return the late ticks as events: one a spell, or, of many spells, a single one at the worst."""
+    """Return the late ticks as events: one per spell, or, for many spells, a single one at the worst."""
     if len(spells) <= _MANY:
         return [
             (spell.t_s, f"{spell.ticks} tick{'s'[: spell.ticks > 1]} late, by up to {milliseconds(spell.worst_overrun_ms)} ms", False)
@@ -148,5 +147,5 @@ def _late(spells: list[Spell]) -> list[tuple[float, str, bool]]:
 
 
 def milliseconds(value: float) -> str:
-    """Return a time in ms for a sentence, no finer than it matters."""
+    """Return a time in ms as text, with two digits or whole."""
     return "0" if value < 0.005 else f"{value:.2g}" if value < 10.0 else f"{value:.0f}"

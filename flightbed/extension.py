@@ -142,14 +142,14 @@ def carried(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
         yield
 
 
-def permits(summary: Mapping[str, Any]) -> str:
-    """Return the options that permit what a flight used, for the command that flies it again; its summary says what it used."""
-    return "".join(f" --use {shlex.quote(own['name'])}" for own in summary["extensions"] if ":" in own["name"])
+def permits(names: Iterable[str]) -> str:
+    """Return the options that permit own code, by its names, on a command line."""
+    return "".join(f" --use {shlex.quote(name)}" for name in names if ":" in name)
 
 
-def at_hand(summary: Mapping[str, Any]) -> list[str]:
-    """Return the names of code that a flight used and no command line can permit: it was at hand in Python."""
-    return [own["name"] for own in summary["extensions"] if ":" not in own["name"]]
+def at_hand(names: Iterable[str]) -> list[str]:
+    """Return the names of own code that no command line can permit: classes and functions given in Python."""
+    return [name for name in names if ":" not in name]
 
 
 def named_by(scenario: Scenario) -> tuple[Extension, ...]:

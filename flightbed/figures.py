@@ -1,4 +1,4 @@
-"""The figures of a flight: what it did against what it should, its surfaces, where it went; the table of all figures."""
+"""Figures of a flight: references and responses, surfaces, flight condition; the table of all figures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flightbed.estimate_figures import (
     sigma,
     telling,
 )
-from flightbed.metrics import at_stop
+from flightbed.metrics import PHASES, at_stop
 from flightbed.naming import of_surface
 from flightbed.units import DEG
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from flightbed.document import Picture
-    from flightbed.mission import Result
+    from flightbed.flight_result import Result
     from flightbed.settings import Scenario
 
 Vector = npt.NDArray[np.float64]
@@ -41,10 +41,10 @@ class Figure:
     """One figure.
 
     Attributes:
-        title: what it shows.
-        text: what the lines are, in words.
-        rows: flight -> number of axes.
-        draw: draws on them, returns computed facts in words.
+        title: heading.
+        text: explanation of the lines.
+        rows: flight -> number of axes, 0 for a flight without this figure.
+        draw: draws on the axes, returns computed facts in words.
         height: of each of the axes, inches.
 
     """
@@ -61,7 +61,7 @@ def pictures(result: Result, keys: tuple[str, ...] | None = None) -> list[Pictur
 
     Args:
         result: the flight.
-        keys: of ``FIGURES``, which; all that say something about the flight if None.
+        keys: of ``FIGURES``; None for all figures that apply to the flight.
 
     """
     wanted = FIGURES if keys is None else {key: FIGURES[key] for key in keys}
@@ -83,7 +83,7 @@ def _picture(key: str, figure: Figure, result: Result) -> Picture:
 
 
 def mark_changes(axes: Axes, scenario: Scenario, end_s: float, *, name: bool) -> None:
-    """Draw when failures begin, and gusts, as far as the flight got; with a name in the legend if wanted."""
+    """Draw a vertical line at the onset of every failure and gust before ``end_s``; ``name`` adds it to the legend."""
     for kind, color, times in (
         ("failure", drawing.FAILURE, [f.at_s for f in scenario.failures]),
         ("gust", drawing.OTHER, [g.at_s for g in scenario.gusts]),
@@ -114,20 +114,20 @@ def _pitch_rate(axes: list[Axes], result: Result) -> str:
 
 
 def _followed(axis: Axes, result: Result, name: str, suffix: str, label: str, key: str) -> str:
-    """Draw what follows a reference: columns NAME_SUFFIX, NAME_cmd_SUFFIX, NAME_ref_SUFFIX; ``key`` ends its metrics."""
+    """Draw a quantity, its command and its reference: columns NAME_SUFFIX, NAME_cmd_SUFFIX, NAME_ref_SUFFIX; ``key`` ends its metrics."""
     trace, summary, unit = result.trace, result.summary, label.rpartition(", ")[2]
     t, flown, reference = trace["t_s"], trace[f"{name}_{suffix}"], trace[f"{name}_ref_{suffix}"]
     axis.set_ylabel(label)
     if not np.any(np.isfinite(reference)):
         drawing.line(axis, t, flown, color=drawing.ACTUAL, label=name)
-        return f"{_range(flown, '+.2f', unit)}; no {name} is asked for."
+        return f"{_range(flown, '+.2f', unit)}; no {name} is commanded."
     drawing.line(axis, t, trace[f"{name}_cmd_{suffix}"], color=drawing.COMMAND, linewidth=0.8, label="command")
     drawing.line(axis, t, reference, color=drawing.REFERENCE, label="reference")
     drawing.line(axis, t, flown, color=drawing.ACTUAL, label=name)
-    before, after = (number(summary[f"tracking_rms_{k}_{key}"]) for k in ("pre", "post"))
+    before, after = (number(summary.metrics.tracking_rms(phase, key)) for phase in PHASES)
     error = np.abs(np.where(np.isfinite(flown - reference), flown - reference, 0.0))
     worst = f"largest |{name} - reference| {error.max():.2f} {unit}, at {t[error.argmax()]:.2f} s."
-    if summary["failed_at_s"] is None:
+    if summary.failed_at_s is None:
         return f"RMS of {name} - reference {before} {unit}; {worst}"
     return f"RMS of {name} - reference {before} {unit} before the failure, {after} {unit} from 0.3 s after it; {worst}"
 
@@ -146,12 +146,12 @@ def _roll(axes: list[Axes], result: Result) -> str:
 
 
 def _alpha(axes: list[Axes], result: Result) -> str:
-    t, alpha, trim = result.trace["t_s"], result.trace["alpha_deg"], result.summary["trim"]["alpha_deg"]
+    t, alpha, trim = result.trace["t_s"], result.trace["alpha_deg"], result.summary.trim.alpha_deg
     drawing.line(axes[0], t, alpha, color=drawing.ACTUAL, label="alpha")
     axes[0].axhline(trim, color=drawing.OTHER, linestyle="--", linewidth=0.9, label="trim")
     axes[0].set_ylabel("angle of attack, deg")
     away = np.abs(np.where(np.isfinite(alpha), alpha, trim) - trim)
-    departs = " More than 25 deg counts as departed." if result.summary["departed"] else ""
+    departs = " More than 25 deg counts as departed." if result.summary.metrics.departed else ""
     return (
         f"{_range(alpha, '.2f', 'deg')}; trimmed at {trim:.3f} deg, at most {away.max():.2f} deg from it, "
         f"at {t[away.argmax()]:.2f} s.{departs}"
@@ -194,7 +194,7 @@ _GUST = ("gust_up_fps", "gust, ft/s up", ".1f", "ft/s")
 
 
 def _turning(rows: int) -> Callable[[Result], int]:
-    """Return rows of a figure that only flights with roll and yaw of their own have."""
+    """Return the number of axes of a figure for flights with commanded aileron and rudder."""
     return lambda result: rows if result.plan.lateral is not None else 0
 
 
@@ -214,41 +214,41 @@ def _condition(axes: list[Axes], result: Result) -> str:
 
 FIGURES = {
     "pitch-rate": Figure(
-        "Pitch rate", "What the pilot asks for, the prefiltered reference, and what the aircraft does.", _one, _pitch_rate
+        "Pitch rate", "Command, prefiltered reference and response.", _one, _pitch_rate
     ),
     "load-factor": Figure(
-        "Load factor", "The command over level flight at the measured attitude, its reference, and what the aircraft does.",
+        "Load factor", "Command over level flight at the measured attitude, reference and response.",
         lambda result: int(result.plan.scenario.in_g), _load_factor,
     ),
-    "alpha": Figure("Angle of attack", "To the air, gusts included.", _one, _alpha),
-    "elevator": Figure("Elevator", "What the law commands and where the surface is; trailing edge down is positive.", _one, _elevator),
+    "alpha": Figure("Angle of attack", "Relative to the air, gusts included.", _one, _alpha),
+    "elevator": Figure("Elevator", "Command of the law and position of the surface; trailing edge down is positive.", _one, _elevator),
     "roll": Figure(
-        "Roll rate, sideslip and bank", "What is asked for, the prefiltered reference, and what the aircraft does.", _turning(3), _roll,
+        "Roll rate, sideslip and bank", "Commands, prefiltered references and response.", _turning(3), _roll,
         height=1.6,
     ),
     "aileron-and-rudder": Figure(
-        "Aileron and rudder", "What the regulator commands and where the surfaces' actuators are.", _turning(2), _turning_surfaces,
+        "Aileron and rudder", "Commands of the regulator and positions of the actuators.", _turning(2), _turning_surfaces,
         height=1.6,
     ),
     "effectiveness": Figure(
         "Effectiveness K",
-        "Each estimate with its own +-2 sigma, smoothed as the law uses it, and the truth of its surface: 'NAME' is the elevator's.",
+        "Each estimate with its own +-2 sigma, smoothed as the law uses it, and the true K of its surface; 'NAME' is the elevator's.",
         _estimates, effectiveness, height=1.9,
     ),
     "nis": Figure(
         "Normalized innovation squared",
-        "Chi-square if the filter's model holds, with as many degrees of freedom as it predicts readings: that is its mean, and 5 % lie "
-        "above the bound.",
+        "Chi-square distributed under the filter's model, with one degree of freedom per predicted reading; the mean is that number, "
+        "and 5 % lie above the bound.",
         _estimators, nis, height=1.6,
     ),
     "reconstruction": Figure(
         "Reconstructed input",
-        "The elevator's deflection that acts, or a gust's angle of attack (told a tick late), by alpha and q alone.",
+        "The elevator's deflection that acts, or a gust's angle of attack (estimated one tick late), from alpha and q alone.",
         lambda result: len(reconstructing(result)), reconstruction,
     ),
     "sigma": Figure(
-        "Standard deviation of K", "What each estimator says of itself, beside what no unbiased one can beat, where it can be computed.",
+        "Standard deviation of K", "Each estimator's own standard deviation of K, and the Cramer-Rao bound (grey) where it is known.",
         lambda result: len(estimated(result)), sigma,
     ),
-    "condition": Figure("Flight condition", "Where the flight went.", _condition_rows, _condition, height=1.4),
+    "condition": Figure("Flight condition", "Mach number, altitude, load factor.", _condition_rows, _condition, height=1.4),
 }  # fmt: skip

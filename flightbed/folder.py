@@ -1,4 +1,4 @@
-"""Folders of runs, studies and comparisons: written whole or not at all. Those of campaigns grow, see journal.py."""
+"""Folders of runs, studies and comparisons, written atomically; the folder of a campaign grows, see journal.py."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flightbed.pacing import heap_set_aside
 if TYPE_CHECKING:
     from flightbed.comparison import Run
     from flightbed.document import Document
-    from flightbed.mission import Result
+    from flightbed.flight_result import Result
     from flightbed.telemetry.shown import Shown
 
 
@@ -50,12 +50,12 @@ COMPARISON = FolderKind("comparison", frozenset({"comparison.rrd", "comparison.j
 
 
 def check_target(target: Path, kind: FolderKind, *, replace: bool, scratch: frozenset[str] = frozenset()) -> Path:
-    """Refuse a target that would lose something, and one that cannot be written, before flying.
+    """Refuse, before flying, a target with other files in it, and one that cannot be written. Raises OutputError.
 
     Args:
         target: the folder.
         kind: the kind of folder to be written.
-        replace: whether a folder of that name is to be replaced; only one that holds files of its kind alone is.
+        replace: replace a folder of that name, if it holds only files of its kind.
         scratch: further names that a folder of this kind may hold while it is unfinished.
 
     """
@@ -79,11 +79,11 @@ def check_target(target: Path, kind: FolderKind, *, replace: bool, scratch: froz
 
 
 def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replace: bool) -> Path:
-    """Write the folder of a run, with a recording and a report if asked for; returns where it went."""
+    """Write the folder of a run, with recording and report on demand; returns its path."""
 
     def write(new: Path) -> None:
         (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
-        (new / "metrics.json").write_text(to_json(result.summary), encoding="utf-8")
+        (new / "metrics.json").write_text(to_json(result.summary.to_dict()), encoding="utf-8")
         result.trace.write(new / "trace.parquet")
         if rerun:
             _record(result, new / "flight.rrd")
@@ -94,7 +94,7 @@ def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replac
 
 
 def write_study(document: Document, target: Path, *, replace: bool) -> Path:
-    """Write the folder of a study, its page and its numbers; returns where it went."""
+    """Write the folder of a study, its page and its numbers; returns its path."""
     from flightbed.page import render
 
     def write(new: Path) -> None:
@@ -105,7 +105,7 @@ def write_study(document: Document, target: Path, *, replace: bool) -> Path:
 
 
 def write_comparison(runs: Sequence[Run], document: Document, target: Path, *, replace: bool) -> Path:
-    """Write the folder of a comparison, its recording, its page and its numbers; returns where it went."""
+    """Write the folder of a comparison, its recording, its page and its numbers; returns its path."""
     from flightbed.comparison import to_dict
     from flightbed.page import render
     from flightbed.telemetry.comparing import write_comparison as record
@@ -119,19 +119,19 @@ def write_comparison(runs: Sequence[Run], document: Document, target: Path, *, r
 
 
 def to_json(values: dict[str, Any]) -> str:
-    """Return a file of plain values."""
+    """Return plain values as the text of a JSON file."""
     return json.dumps(values, indent=2, allow_nan=False) + "\n"
 
 
 def put_whole(path: Path, write: Callable[[Path], None]) -> None:
-    """Have a file written beside its place and moved there: whole or not at all. Raises OSError."""
+    """Write a file atomically: ``write`` fills a temporary file beside it, which is then renamed. Raises OSError."""
     scratch = path.with_name(f"{path.name}.tmp")
     write(scratch)
     scratch.replace(path)
 
 
 def _write(target: Path, write: Callable[[Path], None], *, replace: bool) -> Path:
-    """Write beside the target and move into place: the folder appears whole or not at all."""
+    """Write a folder atomically: ``write`` fills a temporary folder beside the target, which is then renamed."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(
@@ -149,7 +149,7 @@ def _write(target: Path, write: Callable[[Path], None], *, replace: bool) -> Pat
 
 
 def _first_free(target: Path, new: Path) -> Path:
-    """Move ``new`` to the first free one of TARGET, TARGET-2, ...; runs that end at once take one each."""
+    """Rename ``new`` to the first free name of TARGET, TARGET-2, ...; runs that end at the same time get different names."""
     for number in count(1):
         place = target if number == 1 else target.with_name(f"{target.name}-{number}")
         if place.exists():
@@ -163,9 +163,9 @@ def _first_free(target: Path, new: Path) -> Path:
 
 
 def _replace(target: Path, new: Path, old: Path) -> None:
-    """Put ``new`` in the target's place; an exception on the way puts the old run back.
+    """Rename ``new`` to the target; an exception in between restores the old folder.
 
-    Only a kill -9 between the two renames leaves the target missing; both runs are then whole, in the hidden folder beside it.
+    Only a kill -9 between the two renames leaves the target missing; both folders are then complete in the hidden folder beside it.
     """
     if target.exists():
         target.rename(old)
@@ -177,7 +177,7 @@ def _replace(target: Path, new: Path, old: Path) -> None:
 
 
 def _page(result: Result) -> str:
-    with heap_set_aside():  # drawing makes many objects: without this, looking for garbage takes as long as the drawing
+    with heap_set_aside():  # drawing creates many objects: garbage collection would double its time
         from flightbed.page import render
         from flightbed.report import run_report  # slow to import
 
@@ -191,7 +191,7 @@ def _record(result: Result, path: Path) -> None:
 
 
 def shown(result: Result) -> Shown:
-    """Return what the viewer is told of a flight that is over."""
+    """Return the information on a finished flight that the viewer shows."""
     from flightbed.telemetry.shown import Shown
 
     scenario, summary = result.plan.scenario, result.summary
@@ -207,7 +207,7 @@ def shown(result: Result) -> Shown:
 
 
 def folder_of(run_folder: str | Path) -> Path:
-    """Return a run's folder after checking that it is one. Raises OutputError."""
+    """Return the folder of a run. Raises OutputError for a folder without metrics.json."""
     folder = Path(run_folder)
     if not (folder / "metrics.json").is_file():
         raise OutputError(f"{folder}: not a run's folder (no metrics.json)")

@@ -1,11 +1,11 @@
-"""Trace -> Metrics: how well it tracked, how well it estimated."""
+"""Trace -> Metrics: departure, tracking error, pull-up, and errors of the estimates."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isfinite, log10
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -21,14 +21,16 @@ Vector = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 SETTLING_S = 0.3  # "post" starts this long after the failure: one window of the thesis
+Phase = Literal["pre", "post"]  # before the first failure; from SETTLING_S after it
+PHASES: tuple[Phase, Phase] = ("pre", "post")
 BAND = 0.2  # of the true K: the thesis's settling band
 
 
 @dataclass(frozen=True)
 class EstimatorMetrics:
-    """How one estimator did; None where there is no failure, or it never happens.
+    """Accuracy of one estimate of K; None without a failure, and for an event that does not occur.
 
-    "The failure" is here the one that an estimator of K is about: the first change of K, Metrics.estimators_since_s.
+    "The failure" is the first change of the true K of its surface, see ``Metrics.estimators_since_s``.
 
     Attributes:
         final: last K-hat.
@@ -38,12 +40,12 @@ class EstimatorMetrics:
         first_within_20pct_s: first entry of K-hat into +-20 % of the true K.
         first_within_20pct_smoothed_s: the same of the smoothed K-hat.
         nis_mean: mean normalized innovation squared, over the ticks that have one.
-        nis_expected: what that is if the estimator's model holds: the number of readings that it predicts; None if it does not say.
-        detected_at_s: first alarm after the failure; None for estimators without a test, too.
+        nis_expected: its expectation under the estimator's own model, the number of readings that it predicts; None if not declared.
+        detected_at_s: time from the failure to the first alarm; None also for estimators without a test.
         false_alarms: alarms before the failure.
-        nees_mean_post: mean of ((K-hat - K) / sigma)^2 from 0.3 s after the failure, before the bounds; 1 if sigma is honest.
-        efficiency: mean square that the Cramer-Rao bound of its column ``effectiveness_bound`` allows over the mean square error; None
-            without a true model to compute it from, and for aileron and rudder.
+        nees_mean_post: mean of ((K-hat - K) / sigma)^2 from 0.3 s after the failure, K-hat before it is bounded; 1 for a consistent sigma.
+        efficiency: mean square of the Cramer-Rao bound (column ``effectiveness_bound``) over the mean square error; None without a true
+            model, and for aileron and rudder.
 
     """
 
@@ -63,19 +65,19 @@ class EstimatorMetrics:
 
 @dataclass(frozen=True)
 class Metrics:
-    """How one flight went.
+    """Departure, tracking and estimation of one flight.
 
     Attributes:
-        departed: |alpha - alpha_trim| > 25 deg, or a state that is not finite; where aileron and rudder are commanded also |beta| > 25 deg.
-        departed_at_s: flight time of that; None if it did not.
+        departed: |alpha - alpha_trim| > 25 deg, or a state that is not finite; with commanded aileron and rudder also |beta| > 25 deg.
+        departed_at_s: flight time of the departure, s; None without one.
         tracking_rms_pre_deg_s, tracking_rms_post_deg_s: RMS of q - q_ref before the first failure of any kind, and from 0.3 s after it.
         tracking_rms_pre_p_deg_s, tracking_rms_post_p_deg_s, tracking_rms_pre_beta_deg, tracking_rms_post_beta_deg: the same of roll rate
             and sideslip; None where aileron and rudder are not commanded.
         tracking_rms_pre_nz_g, tracking_rms_post_nz_g: the same of the load factor; None where the flight is not commanded in g.
-        pull_up_overshoot, pull_up_undershoot, pull_up_disturbance_g, pull_up_flutter_deg: of a flight that is commanded in g and whose
-            first command is a pulse, see ``PullUp``; None in others, and what a flight did not get to.
-        estimators_since_s: from where the estimators' times count: the first tick at which the true K is not 1, or, in a flight whose K
-            stays, the first failure; None without a failure.
+        pull_up_overshoot, pull_up_undershoot, pull_up_disturbance_g, pull_up_flutter_deg: of the first command of a flight in g, if it is a
+            pulse, see ``PullUp``; None in other flights, and for a phase that the flight did not reach.
+        estimators_since_s: origin of the estimators' times: the first tick with a true K other than 1, or, where K does not change, the
+            first failure; None without a failure.
 
     """
 
@@ -96,6 +98,17 @@ class Metrics:
     pull_up_disturbance_g: float | None = None
     pull_up_flutter_deg: float | None = None
 
+    def tracking_rms(self, phase: Phase, quantity: str) -> float | None:
+        """Return the tracking RMS of one quantity.
+
+        Args:
+            phase: before the first failure, or from 0.3 s after it.
+            quantity: end of the attribute's name: ``deg_s`` (pitch rate), ``p_deg_s``, ``beta_deg`` or ``nz_g``.
+
+        """
+        value: float | None = getattr(self, f"tracking_rms_{phase}_{quantity}")
+        return value
+
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values, ready for JSON."""
         return asdict(self)
@@ -112,9 +125,9 @@ def measure(
 
     Args:
         trace: the flight.
-        alpha_trim_deg: where departure counts from.
-        failed_at_s: time of the first failure of any kind; None for a flight without, all of which is then "pre".
-        readings: of each estimator how many readings it predicts, as far as it says.
+        alpha_trim_deg: trim point, from which departure is measured, deg.
+        failed_at_s: time of the first failure of any kind, s; None without one: the whole flight is then "pre".
+        readings: estimate -> number of readings that its estimator predicts, where it declares them.
 
     """
     pre, _, post = _phases(trace, failed_at_s)
@@ -160,13 +173,13 @@ def _pull_up(trace: Trace) -> dict[str, float | None]:
 
 
 def since_s(trace: Trace, estimate: str, failed_at_s: float | None) -> float | None:
-    """Return from where the times of an estimate count: the first at which its K is not 1, or, if that stays, that of the first failure."""
+    """Return the origin of an estimate's times: the first time with a true K other than 1, or that of the first failure where K stays 1."""
     changed = trace["t_s"][trace[true_share(estimate)] != 1.0]
     return float(changed[0]) if changed.size else failed_at_s
 
 
 def _phases(trace: Trace, failed_at_s: float | None) -> tuple[Mask, Mask, Mask]:
-    """Return which ticks are before a failure, after it, and after it has settled."""
+    """Return masks of the ticks before a failure, from it on, and from SETTLING_S after it on."""
     t = trace["t_s"]
     start = np.inf if failed_at_s is None else failed_at_s - 1e-9
     return t < start, t >= start, t >= start + SETTLING_S
@@ -206,18 +219,22 @@ def _detected(trace: Trace, name: str, failed: npt.NDArray[np.bool_]) -> float |
 
 
 def _efficiency(trace: Trace, error: Vector, post: npt.NDArray[np.bool_]) -> float | None:
-    """Return the mean square that the Cramer-Rao bound allows over the mean square that was had."""
+    """Return the mean square of the Cramer-Rao bound over the mean square error."""
     if "effectiveness_bound" not in trace.columns:
         return None
     best = trace["effectiveness_bound"]
-    told = post & (best < 0.5)  # elsewhere the readings say less than that K lies between 0 and 1
-    return _finite(np.mean(best[told] ** 2) / np.mean(error[told] ** 2)) if told.any() and np.any(error[told]) else None
+    known = post & (best < 0.5)  # a larger bound holds less information than 0 <= K <= 1
+    return (
+        _finite(np.mean(best[known] ** 2) / np.mean(error[known] ** 2))
+        if known.any() and np.any(error[known])
+        else None
+    )
 
 
 def _nees(error: Vector, std: Vector, post: Mask) -> float | None:
-    """Return the mean of (error/std)^2; None for an estimator that does not tell its std, or calls itself exact."""
-    told = post & (std > 0.0)
-    return _mean((error[told] / std[told]) ** 2) if told.any() and told.sum() == post.sum() else None
+    """Return the mean of (error/std)^2; None for an estimator without a standard deviation, or with one of 0."""
+    known = post & (std > 0.0)
+    return _mean((error[known] / std[known]) ** 2) if known.any() and known.sum() == post.sum() else None
 
 
 def _mean(values: Vector) -> float | None:
@@ -233,7 +250,7 @@ def _finite(value: float | np.floating[Any]) -> float | None:
 
 
 def at_stop(trace: Trace, actuator: Actuator, surface: str = "elevator") -> npt.NDArray[np.bool_]:
-    """Return at which ticks the command to a surface is cut at a stop of its actuator."""
+    """Return a mask of the ticks at which the command to a surface is cut at a stop of its actuator."""
     command = trace[f"{surface}_cmd_deg"] * DEG
     return (command <= actuator.min_rad + 1e-9) | (command >= actuator.max_rad - 1e-9)
 

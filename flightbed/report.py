@@ -1,8 +1,9 @@
-"""Result -> the report of a flight: what flew, what failed, how it ended, figures, all numbers, and how to fly it again."""
+"""Result -> the report of a flight: settings, failures, outcome, figures, all numbers, and the command that repeats it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +14,14 @@ from flightbed.document import Cell, Document, Listing, Section, Table
 from flightbed.event_log import events, failures, gusts
 from flightbed.extension import at_hand, permits
 from flightbed.figures import pictures
+from flightbed.metrics import PHASES
 from flightbed.naming import estimator_of
 from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.short_period import ShortPeriod
 from flightbed.trace import true_share
 
 if TYPE_CHECKING:
-    from flightbed.mission import Result
+    from flightbed.flight_result import Result
 
 # metric of an estimator -> (unit, meaning); "the failure" is the first change of K, see metrics.py
 ESTIMATOR_METRICS = MappingProxyType(
@@ -31,21 +33,21 @@ ESTIMATOR_METRICS = MappingProxyType(
         "first_within_20pct_s": ("s", "from the failure to the first K-hat within +-20 % of K"),
         "first_within_20pct_smoothed_s": ("s", "the same of the smoothed K-hat"),
         "nis_mean": ("1", "mean normalized innovation squared"),
-        "nis_expected": ("1", "what that is if the estimator's model holds: the readings that it predicts"),
+        "nis_expected": ("1", "its expectation under the estimator's model: the number of predicted readings"),
         "detected_at_s": ("s", "from the failure to the first alarm after it"),
         "false_alarms": ("1", "alarms before the failure"),
-        "nees_mean_post": ("1", "mean of ((K-hat - K)/sigma)^2 from 0.3 s after the failure; 1 if sigma is honest"),
-        "efficiency": ("1", "mean square that the Cramer-Rao bound allows over the mean square error"),
+        "nees_mean_post": ("1", "mean of ((K-hat - K)/sigma)^2 from 0.3 s after the failure; 1 for a consistent sigma"),
+        "efficiency": ("1", "mean square of the Cramer-Rao bound over the mean square error"),
     }
 )
-_MOST_EVENTS = 100  # that the event log of the page tells
+_MOST_EVENTS = 100  # in the event log of the page
 _GAINS = MappingProxyType(
     {"alpha": "rad/rad", "q": "s", "elevator": "rad/rad", "reference": "s", "integral": "rad/rad"}
 )
 
 
 def run_report(result: Result) -> Document:
-    """Return the report of a flight; the same for the same flight, but for the time that it took.
+    """Return the report of a flight; equal flights give an equal report, apart from the wall time.
 
     Args:
         result: the flight, as ``mission.run`` returns it, written to a folder or not.
@@ -53,19 +55,19 @@ def run_report(result: Result) -> Document:
     """
     scenario, summary = result.plan.scenario, result.summary
     facts = {
-        "flown": f"{summary['flown_s']:g} s in {summary['wall_time_s']:.2f} s, {summary['real_time_factor']:.0f} times real time",
-        **({"real time": kept_pace(summary)} if summary["realtime"] else {}),
-        "aircraft": f"{result.plan.aircraft.name}, SHA-256 {summary['aircraft_sha256']}",
-        **{f"own code {own['name']}": f"SHA-256 {own['sha256'] or 'unknown'}" for own in summary["extensions"]},
-        "versions": summary["versions"],
+        "flown": f"{summary.flown_s:g} s in {summary.wall_time_s:.2f} s, {summary.real_time_factor:.0f} times real time",
+        **({"real time": kept_pace(summary.realtime, summary.flown_s)} if summary.realtime else {}),
+        "aircraft": f"{result.plan.aircraft.name}, SHA-256 {summary.aircraft_sha256}",
+        **{f"own code {own.name}": f"SHA-256 {own.sha256 or 'unknown'}" for own in summary.extensions},
+        "versions": summary.versions,
     }
     sections = [
-        Section("What flew", (), [_pairs("flown", "The flight", flown(scenario, result.plan.aircraft.name))]),
-        Section("What it did", (), pictures(result)),
+        Section("Settings", (), [_pairs("flown", "The flight", flown(scenario, result.plan.aircraft.name))]),
+        Section("Figures", (), pictures(result)),
         _numbers(result),
-        Section("What happened when", (), [_events(result)]),
+        Section("Events", (), [_events(result)]),
         _design(result),
-        again(scenario.to_toml(), permits(summary), summary["versions"], at_hand(summary)),
+        rerun_command(scenario.to_toml(), permits(summary.own_code), summary.versions, at_hand(summary.own_code)),
     ]
     condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     title = f"{scenario.name}: {result.plan.aircraft.name} at {condition}, seed {scenario.seed}"
@@ -73,7 +75,7 @@ def run_report(result: Result) -> Document:
 
 
 def headline(result: Result) -> str:
-    """Return in a few sentences what flew, what failed, what was done about it, and how it ended."""
+    """Return failures, law, correction and outcome in a few sentences."""
     scenario, summary = result.plan.scenario, result.summary
     happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "nothing fails"
     return (
@@ -83,20 +85,18 @@ def headline(result: Result) -> str:
 
 
 def _lead(result: Result) -> Section:
-    """Return what a reader should know after ten seconds."""
+    """Return the first section: headline and the main numbers."""
     scenario, summary, trace = result.plan.scenario, result.summary, result.trace
-    away = np.abs(trace["alpha_deg"] - summary["trim"]["alpha_deg"])
-    failed = summary["failed_at_s"] is not None
+    away = np.abs(trace["alpha_deg"] - summary.trim.alpha_deg)
+    failed = summary.failed_at_s is not None
     columns = ["departed", "largest |alpha - trim|, deg", "elevator at a stop"]
-    gone = f"at {summary['departed_at_s']:.2f} s" if summary["departed"] else "no"
-    cells: list[Cell] = [gone, float(np.max(away)), summary["elevator_at_stop_share"]]
-    for when, key in (
-        ("before the failure" if failed else "whole flight", "pre"),
-        *((("after it", "post"),) if failed else ()),
-    ):
+    gone = f"at {summary.ended_s:.2f} s" if summary.metrics.departed else "no"
+    cells: list[Cell] = [gone, float(np.max(away)), summary.elevator_at_stop_share]
+    words = ("before the failure", "after it") if failed else ("whole flight",)
+    for when, phase in zip(words, PHASES, strict=False):
         for what, of, unit in followed(scenario):
             columns.append(f"RMS {what.partition(' ')[0]} - reference {when}, {unit}")
-            cells.append(summary[f"tracking_rms_{key}_{of}"])
+            cells.append(summary.metrics.tracking_rms(phase, of))
     tables = [Table("key", "", columns, [cells], {"elevator at a stop": ".1%"})]
     if trace.estimators:
         tables.append(_estimates(result))
@@ -104,80 +104,83 @@ def _lead(result: Result) -> Section:
 
 
 def _estimates(result: Result) -> Table:
-    summary, adaptation = result.summary, result.plan.scenario.adaptation
+    adaptation = result.plan.scenario.adaptation
     used = adaptation.estimator if adaptation.enabled and not adaptation.oracle else ""
-    keys = ("final", "median_abs_error_post", "first_within_20pct_s", "detected_at_s", "nis_mean", "nis_expected")
     columns = (
         "estimator", "corrects the law", "K at end", "true K", "median |K-hat - K|", "within 20 % after, s", "alarm after, s",
-        "mean NIS", "NIS if right",
+        "mean NIS", "expected NIS",
     )  # fmt: skip
     rows: list[list[Cell]] = []
-    for name, m in summary["estimators"].items():
-        final, *rest = (m[key] for key in keys)
+    for name, m in result.metrics.estimators.items():
         truth = float(result.trace[true_share(name)][-1])
-        rows.append([name, "yes" if estimator_of(name) == used else "no", final, truth, *rest])
+        rows.append(
+            [
+                name, "yes" if estimator_of(name) == used else "no", m.final, truth, m.median_abs_error_post, m.first_within_20pct_s,
+                m.detected_at_s, m.nis_mean, m.nis_expected,
+            ]
+        )  # fmt: skip
     return Table("estimates", "", columns, rows, dict.fromkeys(columns[2:4], ".3f") | {columns[4]: ".2g"})
 
 
 def _numbers(result: Result) -> Section:
-    summary, names = result.summary, result.trace.estimators
+    summary, metrics, names = result.summary, result.metrics, result.trace.estimators
     sideslip = ", sideslip more than 25 deg" if result.plan.scenario.lateral.enabled else ""
     flight = [
-        ("departed_at_s", summary["departed_at_s"], "s", f"alpha more than 25 deg from trim{sideslip}, or a state that is not finite"),
-        ("flown_s", summary["flown_s"], "s", f"time flown; ended by: {summary['ended']}"),
-        ("failed_at_s", summary["failed_at_s"], "s", "first failure, of any kind, that the flight reached"),
-        ("estimators_since_s", summary["estimators_since_s"], "s", "first change of K: the failure of all that is said of estimators"),
+        ("departed_at_s", metrics.departed_at_s, "s", f"alpha more than 25 deg from trim{sideslip}, or a state that is not finite"),
+        ("flown_s", summary.flown_s, "s", f"time flown; ended by: {summary.ended}"),
+        ("failed_at_s", summary.failed_at_s, "s", "first failure, of any kind, that the flight reached"),
+        ("estimators_since_s", metrics.estimators_since_s, "s", "first change of K, the origin of the estimators' times"),
         *(
-            (f"tracking_rms_{when}_{key}", summary[f"tracking_rms_{when}_{key}"], unit, text)
+            (f"tracking_rms_{phase}_{key}", metrics.tracking_rms(phase, key), unit, text)
             for what, key, unit in followed(result.plan.scenario)
-            for when, text in (("pre", f"RMS of {what} before the first failure"), ("post", "the same from 0.3 s after it"))
+            for phase, text in zip(PHASES, (f"RMS of {what} before the first failure", "the same from 0.3 s after it"), strict=True)
         ),
         *(
-            (key, summary[key], unit, text)
+            (key, getattr(metrics, key), unit, text)
             for key, (unit, text) in PULL_UP_METRICS.items()
-            if summary["pull_up_overshoot"] is not None
+            if metrics.pull_up_overshoot is not None
         ),
-        ("elevator_at_stop_share", summary["elevator_at_stop_share"], "1", "share of the ticks with the command cut at a stop"),
-        ("bank_max_deg", summary["bank_max_deg"], "deg", "largest bank"),
-        ("snr_db", summary["snr_db"], "dB", "signal to noise, Sillence eq (82), before the failure"),
+        ("elevator_at_stop_share", summary.elevator_at_stop_share, "1", "share of the ticks with the command cut at a stop"),
+        ("bank_max_deg", summary.bank_max_deg, "deg", "largest bank"),
+        ("snr_db", summary.snr_db, "dB", "signal to noise, Sillence eq (82), before the failure"),
     ]  # fmt: skip
     tables = [Table("flight", "The flight", ("metric", "value", "unit", "meaning"), flight)]
     if names:
         rows = [
-            [key, *(summary["estimators"][name][key] for name in names), unit, meaning]
+            [key, *(getattr(metrics.estimators[name], key) for name in names), unit, meaning]
             for key, (unit, meaning) in ESTIMATOR_METRICS.items()
         ]
-        note = "- where it never happened, or cannot be said."
+        note = '"-": never, or not defined for this flight.'
         tables.append(Table("estimators", "Estimators", ("metric", *names, "unit", "meaning"), rows, note=note))
     text = () if names else ("No estimator flew.",)
-    return Section("Numbers", (*text, "Under the names that metrics.json gives them."), tables)
+    return Section("Numbers", (*text, "The names are the keys of metrics.json."), tables)
 
 
 def _events(result: Result) -> Table:
-    """Return the event log; of very many events the severe ones and the first others."""
+    """Return the event log; of more than ``_MOST_EVENTS`` only the severe ones and the first others."""
     happened = events(result.plan.scenario, result.trace, result.summary, result.plan.actuators)
     others = [i for i, (_, _, severe) in enumerate(happened) if not severe]
     left_out = set(others[_MOST_EVENTS:])
     rows = [(float(t), text) for i, (t, text, _) in enumerate(happened) if i not in left_out]
-    note = f"{len(left_out)} more events are left out here." if left_out else ""
+    note = f"{len(left_out)} more events are not listed." if left_out else ""
     return Table("events", "Event log", ("time, s", "event"), rows or [("-", "nothing")], {"time, s": ".2f"}, note)
 
 
 def _design(result: Result) -> Section:
     design, summary, hz = result.plan.design, result.summary, result.plan.scenario.rates.control_hz
-    trim = summary["trim"]
-    poles = ", ".join(f"{re:+.4g}{f' {im:+.4g}j' if im else ''}" for re, im in summary["short_period"]["poles_rad_s"])
+    trim, gains = summary.trim, summary.gains
+    poles = ", ".join(f"{p.real:+.4g}{f' {p.imag:+.4g}j' if p.imag else ''}" for p in summary.short_period.poles_rad_s)
     point: list[tuple[str, Cell, str]] = [
-        ("alpha", trim["alpha_deg"], "deg"),
-        ("elevator", trim["elevator_deg"], "deg"),
-        ("throttle", trim["throttle_norm"], "1"),
-        ("residual", trim["residual"], "g, rad/s^2"),
+        ("alpha", trim.alpha_deg, "deg"),
+        ("elevator", trim.elevator_deg, "deg"),
+        ("throttle", trim.throttle_norm, "1"),
+        ("residual", trim.residual, "g, rad/s^2"),
     ]
     tables = [
         Table("trim", "Trim point", ("", "value", "unit"), point),
         *_matrices(design, hz),
         Table("gains", "Gains of the law", ("of", "value", "unit"),
-              [(name, value, _GAINS.get(name, "")) for name, value in summary["gains"].items()]),
+              [(name, value, _GAINS.get(name, "")) for name, value in (asdict(gains) if gains else {}).items()]),
     ]  # fmt: skip
     text = (
         "x' = A x + K b u, x = (alpha, q), u the elevator, all in deviations from trim, in SI and radians. "
@@ -203,14 +206,14 @@ def _matrices(design: ShortPeriod, hz: int) -> list[Table]:
     ]  # fmt: skip
 
 
-def again(toml: str, override: str, versions: dict[str, str], own: Sequence[str]) -> Section:
-    """Return the section that says how to fly something again: the command, the scenario, what else has to be the same.
+def rerun_command(toml: str, override: str, versions: Mapping[str, str], own: Sequence[str]) -> Section:
+    """Return the section with the command that repeats a flight, the scenario, and the versions.
 
     Args:
         toml: the complete scenario.
-        override: what the command adds to it, such as ``" --set KEY=VALUE"``.
+        override: options of the command, such as ``" --set KEY=VALUE"``.
         versions: package -> version.
-        own: names of code outside flightbed that no command can permit.
+        own: names of own code that no command line can permit.
 
     """
     packages = " ".join(f"{name}=={value}" for name, value in versions.items() if name not in ("flightbed", "python"))
@@ -220,14 +223,16 @@ def again(toml: str, override: str, versions: dict[str, str], own: Sequence[str]
         f"pip install {packages}"
     )
     text = (
-        "FOLDER is the one that this page lies in. Scenario, aircraft and versions being the same, the flight is the same to the last bit; "
-        "the scenario below, saved as a file, will do in place of the folder's.",
+        "FOLDER is the folder of this page. With the same scenario, aircraft and versions the command reproduces the flight bit for bit; "
+        "the scenario below, saved as a file, can replace the folder's.",
         *(
-            f"The code '{name}' was at hand in Python, and no command names it: permit it there, with flightbed.using(...)."
+            f"The code '{name}' was given in Python, and no command can name it: permit it there, with flightbed.using(...)."
             for name in own
         ),
     )
-    return Section("Fly it again", text, [Listing("Commands", commands), Listing("scenario.toml, complete", toml)])
+    return Section(
+        "Repeat this flight", text, [Listing("Commands", commands), Listing("scenario.toml, complete", toml)]
+    )
 
 
 def _pairs(key: str, title: str, rows: Sequence[Sequence[Cell]]) -> Table:

@@ -1,12 +1,12 @@
-"""What the command line shows: results -> lines and tables for a terminal, and a bar while they are flown."""
+"""Terminal output: results -> lines and tables, and a progress bar."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console, RenderableType
 from rich.markup import escape
@@ -18,20 +18,23 @@ from flightbed.card import correction, followed, kept_pace, outcome
 from flightbed.document import Table as Rows
 from flightbed.document import show
 from flightbed.event_log import failures
+from flightbed.metrics import PHASES
 from flightbed.statistics import Interval
 
 if TYPE_CHECKING:
-    from flightbed.campaign import Campaign
+    from flightbed.campaign_result import Campaign
     from flightbed.comparison import Run
     from flightbed.document import Document
-    from flightbed.mission import Result
+    from flightbed.flight_result import Result
+    from flightbed.metrics import EstimatorMetrics, Metrics
+    from flightbed.run_summary import RunSummary
 
-_POINTS = 20  # of a campaign, at most, that a terminal is told of
+_POINTS = 20  # most points of a campaign with a table on a terminal
 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[int, int], None]]:
-    """Show on stderr, if that is a terminal, how many flights are done, the rate, the time left; gives the function to tell it by."""
+    """Show progress on stderr, if it is a terminal: flights done, rate, time left; yields the function to update it."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -54,39 +57,40 @@ def progress_bar() -> Iterator[Callable[[int, int], None]]:
 
 
 def run_lines(result: Result) -> Iterator[RenderableType]:
-    """Tell how a flight went."""
+    """Yield the lines on a flight."""
     summary, scenario = result.summary, result.plan.scenario
-    trim = summary["trim"]
-    poles = ", ".join(f"{re:+.2f}{f'{im:+.2f}j' if im else ''}" for re, im in summary["short_period"]["poles_rad_s"])
-    gains = ", ".join(f"{name} {value:.3g}" for name, value in summary["gains"].items() if value)
-    color = "green" if summary["ended"] == "time" else "red"
+    trim, metrics, gains_of_law = summary.trim, summary.metrics, summary.gains
+    poles = ", ".join(f"{p.real:+.2f}{f'{p.imag:+.2f}j' if p.imag else ''}" for p in summary.short_period.poles_rad_s)
+    values = {} if gains_of_law is None else asdict(gains_of_law)
+    gains = ", ".join(f"{name} {value:.3g}" for name, value in values.items() if value)
+    color = "green" if summary.ended == "time" else "red"
     yield Text.from_markup(f"[bold]{scenario.name}[/bold]: {escape(scenario.description)}")
     grid = Table.grid(padding=(0, 1))
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column()
     for name, text in {
         "condition": f"{result.plan.aircraft.name}, Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft",
-        "trim": f"alpha {trim['alpha_deg']:.3f} deg, elevator {trim['elevator_deg']:.3f} deg, residual {trim['residual']:.0e}",
+        "trim": f"alpha {trim.alpha_deg:.3f} deg, elevator {trim.elevator_deg:.3f} deg, residual {trim.residual:.0e}",
         "poles": f"{poles} rad/s, short period, open loop",
         "law": f"{scenario.control.law}, {correction(scenario)}",
         **({"gains": gains} if gains else {}),
         "failures": "; ".join(failures(scenario)) or "none",
         "outcome": f"[bold {color}]{outcome(summary)}[/bold {color}]; |alpha| up to "
-        f"{abs(result.trace['alpha_deg']).max():.1f} deg; at a stop {summary['elevator_at_stop_share']:.0%} of the time",
+        f"{abs(result.trace['alpha_deg']).max():.1f} deg; at a stop {_number(summary.elevator_at_stop_share, '.0%')} of the time",
         "tracking": "\n".join(_tracked(summary, *one) for one in followed(scenario)),
-        **({"pull-up": _pull_up(summary)} if summary["pull_up_overshoot"] is not None else {}),
-        **({"own code": _own_code(summary)} if summary["extensions"] else {}),
-        **({"real time": kept_pace(summary)} if summary["realtime"] else {}),
+        **({"pull-up": _pull_up(metrics)} if metrics.pull_up_overshoot is not None else {}),
+        **({"own code": _own_code(summary)} if summary.extensions else {}),
+        **({"real time": kept_pace(summary.realtime, summary.flown_s)} if summary.realtime else {}),
     }.items():
         grid.add_row(f"  {name}", text)
     yield grid
-    if summary["estimators"]:
-        yield _estimates(summary)
-    yield f"  {summary['flown_s']:g} s flown in {summary['wall_time_s']:.2f} s; written to {escape(str(result.folder))}"
+    if metrics.estimators:
+        yield _estimates(metrics)
+    yield f"  {summary.flown_s:g} s flown in {summary.wall_time_s:.2f} s; written to {escape(str(result.folder))}"
 
 
 def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableType]:
-    """Tell how runs differ: metrics, settings, and where the rest is."""
+    """Yield the lines on compared runs: metrics, settings that differ, folder."""
     from flightbed.comparison import differing, metrics_table
 
     for table in (metrics_table(runs), differing(runs)):
@@ -105,54 +109,51 @@ def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableT
     yield f"  written to {escape(str(written))}; look: flightbed view {escape(str(written))}"
 
 
-def _own_code(summary: dict[str, Any]) -> str:
+def _own_code(summary: RunSummary) -> str:
     return escape(
-        "; ".join(
-            f"{own['name']} (sha256 {own['sha256'][:12] if own['sha256'] else 'unknown'})"
-            for own in summary["extensions"]
-        )
+        "; ".join(f"{own.name} (sha256 {own.sha256[:12] if own.sha256 else 'unknown'})" for own in summary.extensions)
     )
 
 
-def _tracked(summary: dict[str, Any], what: str, key: str, unit: str) -> str:
-    """Return in words how well a reference was followed, see ``card.followed``."""
-    before, after = (summary[f"tracking_rms_{when}_{key}"] for when in ("pre", "post"))
+def _tracked(summary: RunSummary, what: str, key: str, unit: str) -> str:
+    """Return the tracking RMS of one quantity of ``card.followed`` in words."""
+    before, after = (summary.metrics.tracking_rms(phase, key) for phase in PHASES)
     words = f"RMS of {what} {_number(before)} {unit}"
-    return words if summary["failed_at_s"] is None else f"{words}, {_number(after)} {unit} from 0.3 s after the failure"
+    return words if summary.failed_at_s is None else f"{words}, {_number(after)} {unit} from 0.3 s after the failure"
 
 
-def _pull_up(summary: dict[str, Any]) -> str:
-    """Return in words how the first pulse of a flight in g went."""
-    under, flutter = summary["pull_up_undershoot"], summary["pull_up_flutter_deg"]
+def _pull_up(metrics: Metrics) -> str:
+    """Return the metrics of a pull-up in words."""
+    under, flutter = metrics.pull_up_undershoot, metrics.pull_up_flutter_deg
     return (
-        f"overshoot {summary['pull_up_overshoot']:.1%}"
+        f"overshoot {_number(metrics.pull_up_overshoot, '.1%')}"
         f"{'' if under is None else f', undershoot {under:.1%}'}"
         f"{'' if flutter is None else f'; elevator above 5 Hz {flutter:.2f} deg RMS'}"
     )
 
 
-def _estimates(summary: dict[str, Any]) -> Table:
+def _estimates(metrics: Metrics) -> Table:
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for heading in ("  estimator", "K at end", "median", "smoothed,", "first in", "smoothed", "NIS"):
         table.add_column(heading, justify="left" if "estimator" in heading else "right", no_wrap=True)
-    table.add_row("", "", "|error|", "RMS error", "+-20 %", "in +-20 %", "(if right)", style="dim")
-    for name, m in summary["estimators"].items():
+    table.add_row("", "", "|error|", "RMS error", "+-20 %", "in +-20 %", "(expected)", style="dim")
+    for name, m in metrics.estimators.items():
         table.add_row(
             f"  {name}",
-            _number(m["final"], ".3f"),
-            _number(m["median_abs_error_post"], ".3f"),
-            _number(m["rms_error_smoothed_post"], ".3f"),
-            _number(m["first_within_20pct_s"], ".2f", " s"),
-            _number(m["first_within_20pct_smoothed_s"], ".2f", " s"),
+            _number(m.final, ".3f"),
+            _number(m.median_abs_error_post, ".3f"),
+            _number(m.rms_error_smoothed_post, ".3f"),
+            _number(m.first_within_20pct_s, ".2f", " s"),
+            _number(m.first_within_20pct_smoothed_s, ".2f", " s"),
             nis_words(m),
         )
     return table
 
 
-def nis_words(measured: dict[str, Any]) -> str:
-    """Return the mean NIS, and in brackets what it is if the estimator's model holds."""
-    expected = measured["nis_expected"]
-    return _number(measured["nis_mean"]) + ("" if expected is None else f" ({expected:g})")
+def nis_words(measured: EstimatorMetrics) -> str:
+    """Return the mean NIS, and in brackets its expectation under the estimator's model."""
+    expected = measured.nis_expected
+    return _number(measured.nis_mean) + ("" if expected is None else f" ({expected:g})")
 
 
 def _number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
@@ -160,16 +161,16 @@ def _number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
 
 
 def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType]:
-    """Tell how the flights of a campaign went: how many departed, the medians, the worst, and where the rest is."""
+    """Yield the lines on a campaign: headline, medians, points, the worst flight, folder."""
     from flightbed.campaign_lead import lead
     from flightbed.campaign_points import points_table
 
-    told = lead(campaign)
+    first = lead(campaign)
     yield Text.from_markup(f"[bold]{campaign.programme.name}[/bold]: {escape(campaign.programme.description)}")
-    for paragraph in told.text:
+    for paragraph in first.text:
         yield Padding(escape(paragraph), (0, 2))
     few = 1 < len(campaign.programme.points) <= _POINTS
-    for table in (*told.items, *([_without("flights", points_table(campaign, estimators=()))] if few else [])):
+    for table in (*first.items, *([_without("flights", points_table(campaign, estimators=()))] if few else [])):
         if isinstance(table, Rows):
             grid = Table(box=None, header_style="dim", padding=(0, 1))
             for column in table.columns:
@@ -179,9 +180,10 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
                 medians = [cell.estimate if isinstance(cell, Interval) else cell for cell in row]
                 grid.add_row(*(escape(cell) for cell in table.shown(medians)))
             yield Padding(grid, (0, 1))
-    if campaign.worst is not None:
-        yield f"  again: flightbed run {escape(str(written))}/scenario.toml{escape(campaign.override)}"
-    yield f"  {len(campaign.rows)} flights in {campaign.wall_time_s:.1f} s; written to {escape(str(written))}"
+    summary = campaign.summary
+    if summary.worst is not None:
+        yield f"  again: flightbed run {escape(str(written))}/scenario.toml{escape(summary.worst.options)}"
+    yield f"  {summary.flights.flights} flights in {summary.wall_time_s:.1f} s; written to {escape(str(written))}"
 
 
 def _without(column: str, table: Rows) -> Rows:
@@ -191,7 +193,7 @@ def _without(column: str, table: Rows) -> Rows:
 
 
 def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
-    """Tell what a study found: its first table, its claims, and where the rest is."""
+    """Yield the lines on a study: its first table, its claims, folder."""
     table, claims, facts = document.tables()[0], document.claims(), document.facts
     yield Text(document.title, style="bold")
     grid = Table(box=None, header_style="dim", padding=(0, 1))
@@ -201,13 +203,13 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
         grid.add_row(*(escape(cell) for cell in table.shown(row)))
     yield grid
     yield Padding(Text(table.note, style="dim"), (0, 1))
-    told = Table(box=None, show_header=False, padding=(0, 1))
+    verdicts = Table(box=None, show_header=False, padding=(0, 1))
     for claim in claims:
         verdict = {True: "[green]holds[/green]", False: "[red]no[/red]", None: "[dim]open[/dim]"}[claim.holds]
-        told.add_row(
+        verdicts.add_row(
             verdict, f"{escape(claim.text)} [dim]{escape(claim.measured)}: {show(claim.interval, '.3g')}[/dim]"
         )
-    yield told
+    yield verdicts
     held = sum(bool(claim.holds) for claim in claims)
     yield (
         f"  {held} of {len(claims)} claims hold; {facts['flights']} runs in {facts['wall_time_s']:.0f} s; "
@@ -216,7 +218,7 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
 
 
 def list_lines(family: str | None) -> Iterator[RenderableType]:
-    """Tell what there is, one line each: of one family, or of all."""
+    """Yield names and descriptions, one per line, of one family or of all."""
     from flightbed import data, registry
     from flightbed.linear_aircraft import load_flyable
     from flightbed.scenario import load_scenario, read_toml

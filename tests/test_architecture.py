@@ -91,3 +91,28 @@ def test_no_function_rebinds_a_module_level_name() -> None:
 def test_modules_stay_small() -> None:
     sizes = {_name(p): len(p.read_text().splitlines()) for p in MODULES}
     assert max(sizes.values()) <= 400, max(sizes, key=lambda n: sizes[n])
+
+
+WRITERS = {
+    "mission",
+    "folder",
+    "report",
+    "comparison",
+    "live",
+    "telemetry",
+    "journal",
+    "engine",
+    "campaign",
+    "campaign_folder",
+}
+
+
+@pytest.mark.parametrize("value", ["run_summary", "flight_result", "campaign_summary", "campaign_result"])
+def test_values_know_nothing_of_the_actions_that_fly_and_write(value: str) -> None:
+    reached = {name.split(".")[1] for name in _reach(PACKAGE / f"{value}.py")}
+    assert not WRITERS & reached, WRITERS & reached
+
+
+@pytest.mark.parametrize("view", ["report", "lead", "points", "multiples", "ensembles", "folder"])
+def test_views_of_a_campaign_do_not_import_the_action(view: str) -> None:
+    assert "flightbed.campaign" not in _imports(PACKAGE / f"campaign_{view}.py")

@@ -14,7 +14,7 @@ from flightbed.assembly import sensor_noise
 from flightbed.bound import _bounds, bound, design_models, schedule_models
 from flightbed.estimation import pitch_model
 from flightbed.estimation.record import estimate_record
-from flightbed.mission import Result
+from flightbed.flight_result import Result
 from flightbed.short_period import ShortPeriod
 from flightbed.units import DEG, FT
 

@@ -17,10 +17,11 @@ from rich.console import Console
 
 from flightbed import campaign as campaigns
 from flightbed import drawing
-from flightbed.campaign import Campaign
 from flightbed.campaign_flights import HISTORIES
-from flightbed.campaign_folder import finish, summary
+from flightbed.campaign_folder import finish
 from flightbed.campaign_report import campaign_report
+from flightbed.campaign_result import Campaign, worst_of
+from flightbed.campaign_summary import QuantitySummary
 from flightbed.campaign_table import Quantity, Row, passes
 from flightbed.ensemble import processes
 from flightbed.errors import InputError, OutputError
@@ -88,7 +89,7 @@ def test_the_flights_do_not_depend_on_the_workers(flown: Campaign) -> None:
     assert done[-1] == (RUNS, RUNS)
     assert other.rows == flown.rows
     same = dataclasses.replace(other, wall_time_s=flown.wall_time_s)
-    assert summary(same) == summary(flown)
+    assert same.summary.to_dict() == flown.summary.to_dict()
     assert render(campaign_report(same)) == render(campaign_report(flown))
 
 
@@ -144,8 +145,8 @@ def test_what_never_happened_is_infinite_and_what_cannot_be_said_is_left_out() -
     assert quantity.never == 3
     assert quantity.median.runs == 5
     assert quantity.median.estimate == np.inf
-    assert quantity.spread.median == 0.2
-    assert quantity.to_dict()["median"] is None
+    assert quantity.percentile(50).estimate == 0.2
+    assert QuantitySummary.of(quantity).to_dict()["median"] is None
 
 
 def test_the_report_says_what_the_summary_says(folder: Path, flown: Campaign) -> None:
@@ -153,7 +154,7 @@ def test_the_report_says_what_the_summary_says(folder: Path, flown: Campaign) ->
     assert_self_contained(page)
     assert_sound(page)
     text = words(page)
-    start = text.partition("What flew")[0]
+    start = text.partition("Settings")[0]
     assert f"0 of {RUNS} flights departed: 0.0% (95 % interval 0.0% to {found['departed']['high']:.1%})" in start
     middle = found["tracking_rms_post_deg_s"]
     assert f"{middle['median']:.3g} (95 % interval {middle['low']:.3g} to {middle['high']:.3g}) deg/s" in start
@@ -191,7 +192,7 @@ def _row(index: int, flown_s: float, ended: str = "time", pre: float | None = 1.
     ],
 )  # fmt: skip
 def test_which_flight_is_the_worst(rows: list[Row], index: int, reason: str) -> None:
-    assert campaigns.worst_of(rows) == (index, reason)
+    assert worst_of(rows) == (index, reason)
 
 
 @pytest.mark.parametrize(
@@ -210,9 +211,11 @@ def test_what_passes(criterion: dict[str, Any], value: Any, expected: bool) -> N
 
 def test_flights_that_depart_are_counted_and_the_first_is_the_worst() -> None:
     flown = campaigns.fly(load_scenario("elevator-loss-fixed", ["failures.0.at_s=2", "failures.0.to=0.1"]), 6)
-    found = summary(flown)
-    assert (found["departed"]["count"], found["departed"]["share"]) == (6, 1.0)
-    assert found["worst"]["metrics"]["departed_at_s"] == min(float(r["departed_at_s"] or 0.0) for r in flown.rows)
+    found = flown.summary
+    assert found.flights.departed is not None
+    assert found.worst is not None
+    assert (found.flights.departed.count, found.flights.departed.share.estimate) == (6, 1.0)
+    assert found.worst.metrics.departed_at_s == min(float(r["departed_at_s"] or 0.0) for r in flown.rows)
     document = campaign_report(flown)
     (motion,) = (p for p in document.pictures() if p.key == "motion")
     assert "still flying" in motion.svg
@@ -256,7 +259,8 @@ def test_what_a_terminal_shows(flown: Campaign) -> None:
     shown = screen.export_text()
     assert max(map(len, shown.splitlines())) <= 80
     assert f"0 of {RUNS} flights departed" in shown
-    seed = summary(flown)["worst"]["seed"]
+    assert flown.summary.worst is not None
+    seed = flown.summary.worst.seed
     assert f"again: flightbed run campaigns/x/scenario.toml --set seed={seed}\n" in shown
     error = flown.quantity("scheduled.median_abs_error_post").median.estimate
     (row,) = (line.split() for line in shown.splitlines() if line.startswith("  scheduled "))
@@ -289,7 +293,7 @@ def test_only_what_tests_for_a_change_can_never_find_one() -> None:
     flown = campaigns.fly(load_scenario("elevator-loss", keys), 2)
     assert flown.quantity("scheduled.detected_at_s").never == 2
     assert not flown.quantity("expanding.detected_at_s").known
-    assert "detected_at_s" not in summary(flown)["estimators"]["expanding"]
+    assert flown.summary.quantity("expanding.detected_at_s") is None
 
 
 def test_a_campaign_of_flights_with_roll_and_yaw(tmp_path: Path) -> None:
@@ -306,12 +310,12 @@ def test_a_campaign_of_flights_with_roll_and_yaw(tmp_path: Path) -> None:
     for surface, at_s, to in (("aileron", 1.0, 0.4), ("rudder", 1.5, 0.5)):
         truth = histories.moments.mean[f"effectiveness_{surface}_true"]
         np.testing.assert_array_equal(truth, np.where(np.arange(300) >= 100 * at_s, to, 1.0))
-    summary = json.loads((folder / "summary.json").read_text())
-    assert set(summary["estimators"]) == set(NAMES)
-    assert {key.partition(".")[0] for key in summary["estimators"]["surfaces"]} <= {
+    stored = _summary(folder)
+    assert set(stored["estimators"]) == set(NAMES)
+    assert {key.partition(".")[0] for key in stored["estimators"]["surfaces"]} <= {
         f.name for f in dataclasses.fields(EstimatorMetrics)
     }
-    assert summary["tracking_rms_post_beta_deg"]["median"] == pytest.approx(
+    assert stored["tracking_rms_post_beta_deg"]["median"] == pytest.approx(
         np.median([row["tracking_rms_post_beta_deg"] for row in rows])
     )
     page = (folder / "report.html").read_text()

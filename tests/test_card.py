@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from flightbed.card import flown, plan_card, run_card
 from flightbed.event_log import events, failures
+from flightbed.metrics import PHASES
 from flightbed.mission import run
+from flightbed.run_summary import ExtensionSummary
 from flightbed.scenario import load_scenario
 from tests.lateral_flight import rolling
 
@@ -62,7 +66,7 @@ def test_gusts_and_failures_are_told_at_their_times() -> None:
     assert told["gust: a gust of 12.5 ft/s up, rising for 2 s, held for 1 s"] == 1.0
     assert told["FAILURE: the c.g. moves to 1.0% of the chord aft of where it was at take-off"] == 0.3
     # Of K, times count from the elevator's failure, not from that of the c.g.
-    within = summary["estimators"]["scheduled"]["first_within_20pct_s"]
+    within = summary.metrics.estimators["scheduled"].first_within_20pct_s
     assert told["K of 'scheduled' within 20 % of the truth"] == pytest.approx(1.5 + within)
     card = run_card(scenario, summary)
     assert (
@@ -78,7 +82,7 @@ def test_the_card_of_a_flight_says_nothing_of_what_it_has_not() -> None:
         )
     )
     card = run_card(result.plan.scenario, result.summary)
-    rms = result.summary["tracking_rms_pre_deg_s"]
+    rms = result.summary.metrics.tracking_rms_pre_deg_s
     assert f"- tracking RMS: {rms:.2f} deg/s\n" in card
     assert "turbulence light" in card
     assert "| estimator |" not in card
@@ -88,7 +92,7 @@ def test_the_card_of_a_flight_says_nothing_of_what_it_has_not() -> None:
 
 def test_the_card_names_own_code() -> None:
     scenario = load_scenario("nominal", ["duration_s=0.2"])
-    summary = run(scenario).summary | {"extensions": [{"name": "mine.py:E", "sha256": "0123456789abcdef"}]}
+    summary = replace(run(scenario).summary, extensions=(ExtensionSummary("mine.py:E", "0123456789abcdef"),))
     assert "- own code: mine.py:E, SHA-256 0123456789ab\n" in run_card(scenario, summary)
 
 
@@ -103,14 +107,14 @@ def test_events_and_card_of_a_flight_with_roll_and_yaw() -> None:
         told["FAILURE: the rudder keeps 50% of its effect"],
     ) == (4.0, 6.0)
     for name, at_s in (("surfaces.aileron", 4.0), ("surfaces.rudder", 6.0)):
-        within = summary["estimators"][name]["first_within_20pct_s"]
+        within = summary.metrics.estimators[name].first_within_20pct_s
         assert told[f"K of '{name}' within 20 % of the truth"] == pytest.approx(at_s + within)
         declared = f"'{name}' declares a change of K"
         alarm = next(t for t, text, _ in happened if text.startswith(declared) and t >= at_s)
-        assert alarm == pytest.approx(at_s + summary["estimators"][name]["detected_at_s"])
+        assert alarm == pytest.approx(at_s + summary.metrics.estimators[name].detected_at_s)
     assert not any(text.startswith(("K of 'surfaces' ", "K of 'pitch' ")) for text in told)
     card = run_card(scenario, summary)
-    before, after = (summary[f"tracking_rms_{when}_beta_deg"] for when in ("pre", "post"))
+    before, after = (summary.metrics.tracking_rms(phase, "beta_deg") for phase in PHASES)
     assert f"beta - beta_ref {before:.2f} deg before, {after:.2f} deg from 0.3 s after the failure" in card
     assert "| surfaces.rudder |" in card
     rows = dict(flown(scenario, "f16"))

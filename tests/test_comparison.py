@@ -47,7 +47,7 @@ def test_differences_are_from_the_first(runs: tuple[comparison.Run, ...]) -> Non
     assert shown == [f"{rms[0]:.3g}", *(f"{v:.3g} ({v - rms[0]:+.2g})" for v in rms[1:])]
     told = comparison.to_dict(runs)["differences"]["elevator-loss-fixed"]
     assert not {"scenario", "seed", "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s"} & set(told)
-    nis = [r.summary["estimators"]["scheduled"]["nis_mean"] for r in runs]
+    nis = [r.summary.metrics.estimators["scheduled"].nis_mean for r in runs]
     assert told["estimators"]["scheduled"]["nis_mean"] == nis[2] - nis[0]
 
 
@@ -55,8 +55,8 @@ def test_tracking_is_over_the_same_time_in_all_runs(runs: tuple[comparison.Run, 
     """The flights with and without a failure are the same until it: so is their tracking."""
     before, after = comparison.tracking(runs).values()
     assert list(comparison.tracking(runs)) == ["RMS before 4.5 s, deg/s", "RMS from 4.8 s, deg/s"]
-    assert before[0] == before[1] == runs[1].summary["tracking_rms_pre_deg_s"]
-    assert after[1:] == [pytest.approx(r.summary["tracking_rms_post_deg_s"], rel=1e-12) for r in runs[1:]]
+    assert before[0] == before[1] == runs[1].summary.metrics.tracking_rms_pre_deg_s
+    assert after[1:] == [pytest.approx(r.summary.metrics.tracking_rms_post_deg_s, rel=1e-12) for r in runs[1:]]
     late = runs[0].trace["t_s"] >= 4.8 - 1e-9
     error = (runs[0].trace["q_deg_s"] - runs[0].trace["q_ref_deg_s"])[late]
     assert after[0] == pytest.approx(np.sqrt(np.mean(error**2)))
@@ -81,7 +81,7 @@ def test_runs_of_other_rates_and_lengths_keep_their_own_truth(tmp_path: Path) ->
 def test_failures_that_no_run_reached_are_not_marked(tmp_path: Path) -> None:
     late = ["failures.1.kind=effectiveness", "failures.1.at_s=35", "failures.1.to=0.1", "duration_s=40"]
     result = run(load_scenario("elevator-loss-fixed", late), tmp_path / "departs", rerun=False)
-    assert result.summary["departed"]
+    assert result.summary.metrics.departed
     run(load_scenario("nominal", ["duration_s=1"]), tmp_path / "nominal", rerun=False)
     departs, _ = comparison.load_runs([tmp_path / "departs", tmp_path / "nominal"])
     assert departs.failures_s == (4.5,)
@@ -101,7 +101,7 @@ def test_any_folder_name_will_do(names: tuple[str, str], tmp_path: Path) -> None
 def test_the_outcome_and_the_largest_alpha_are_those_of_the_flights(runs: tuple[comparison.Run, ...]) -> None:
     table = comparison.metrics_table(runs)
     assert _row(table, "outcome")[0] == "flown to 16.5 s"
-    assert _row(table, "outcome")[2] == f"departed at {runs[2].summary['departed_at_s']:.2f} s"
+    assert _row(table, "outcome")[2] == f"departed at {runs[2].summary.metrics.departed_at_s:.2f} s"
     assert _row(table, "largest |alpha|, deg")[1].endswith("(same)")  # it is before the failure
     largest = [float(np.max(np.abs(r.trace["alpha_deg"]))) for r in runs]
     assert [float(text.split()[0]) for text in _row(table, "largest |alpha|, deg")] == pytest.approx(largest, rel=5e-3)
@@ -253,7 +253,7 @@ def test_runs_with_roll_and_yaw_are_compared_with_one_without(tmp_path: Path) ->
         "RMS of p before 4 s, deg/s", "RMS of p from 4.3 s, deg/s", "RMS of beta before 4 s, deg", "RMS of beta from 4.3 s, deg",
     ]  # fmt: skip
     assert rms["RMS of p from 4.3 s, deg/s"][0] == pytest.approx(
-        read[0].summary["tracking_rms_post_p_deg_s"], rel=1e-12
+        read[0].summary.metrics.tracking_rms_post_p_deg_s, rel=1e-12
     )
     assert rms["RMS of p from 4.3 s, deg/s"][2] is None
     assert not [text for text in comparison.tracking(read[2:] * 2) if " of " in text]

@@ -137,7 +137,7 @@ def test_code_of_the_users_own_is_named_where_it_commands_roll_or_sideslip() -> 
         scenario = rolling(keys)
         assert [own.name for own in named_by(scenario)] == ["mine"]
         result = run(scenario)
-        assert [own["name"] for own in result.summary["extensions"]] == ["mine"]
+        assert [own.name for own in result.summary.extensions] == ["mine"]
         assert result.trace["p_cmd_deg_s"][60] == pytest.approx(0.1 / DEG)
         assert result.trace["beta_cmd_deg"][60] == pytest.approx(0.1 / DEG)
         assert named_by(load_scenario("nominal")) == ()

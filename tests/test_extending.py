@@ -115,9 +115,9 @@ def test_what_the_page_shows_does_what_it_says(outputs: dict[str, str]) -> None:
     runs = Path(outputs["folder"]) / "runs"
     options = []
     for name in ("my-filter", "my-filter-2"):
-        summary = json.loads((runs / name / "metrics.json").read_text())
-        assert summary["estimators"]["mine"]["median_abs_error_post"] < 0.1
-        assert summary["estimators"]["built-in"]["median_abs_error_post"] < 0.05
+        stored = json.loads((runs / name / "metrics.json").read_text())
+        assert stored["estimators"]["mine"]["median_abs_error_post"] < 0.1
+        assert stored["estimators"]["built-in"]["median_abs_error_post"] < 0.05
         options.append(tomllib.loads((runs / name / "scenario.toml").read_text())["estimators"][0]["options"])
     assert options == [{"forgetting": 0.95}, {"forgetting": 0.99}]
     plug = pd.read_parquet(runs / "loose-plug" / "trace.parquet")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import pickle
 import sys
 import textwrap
@@ -31,7 +32,7 @@ from flightbed.factories import loop_gain_config
 from flightbed.failures.base import Failing
 from flightbed.mission import run
 from flightbed.options import Options
-from flightbed.report import again
+from flightbed.report import rerun_command
 from flightbed.scenario import load_scenario
 from flightbed.settings import EstimatorSettings
 from flightbed.signals import Estimate, Measurement
@@ -114,19 +115,19 @@ def test_permitted_it_flies_and_the_run_tells_what_flew(here: Path, monkeypatch:
     assert done.returncode == 0, done.stderr
     sha256 = hashlib.sha256(FILTER.encode()).hexdigest()
     assert f"own code  own_filter:Fixed (sha256 {sha256[:12]})" in done.stdout
-    summary = json.loads((here / "x" / "metrics.json").read_text())
-    assert summary["extensions"] == [{"name": "own_filter:Fixed", "sha256": sha256}]
-    assert summary["estimators"]["scheduled"]["final"] == 0.7
+    stored = json.loads((here / "x" / "metrics.json").read_text())
+    assert stored["extensions"] == [{"name": "own_filter:Fixed", "sha256": sha256}]
+    assert stored["estimators"]["scheduled"]["final"] == 0.7
     resolved = tomllib.loads((here / "x" / "scenario.toml").read_text())
     assert resolved["estimators"][0]["kind"] == "own_filter:Fixed"
     assert resolved["estimators"][0]["options"] == {"k": 0.7}
     assert "options" not in resolved["control"]
     with using("own_filter:Fixed"):
-        assert flightbed.run(load_scenario("x/scenario.toml")).summary["extensions"] == summary["extensions"]
+        assert flightbed.run(load_scenario("x/scenario.toml")).summary.to_dict()["extensions"] == stored["extensions"]
 
 
 def test_a_run_without_own_code_says_so() -> None:
-    assert flightbed.run(load_scenario("nominal", QUICK)).summary["extensions"] == []
+    assert flightbed.run(load_scenario("nominal", QUICK)).summary.extensions == ()
 
 
 def test_a_use_that_is_not_named_is_refused(here: Path) -> None:
@@ -273,10 +274,10 @@ def test_classes_at_hand_fly_under_a_name() -> None:
         assert [own.name for own in named_by(scenario)] == ["still", "also"]
         result = flightbed.run(scenario)
         assert result.trace["b.effectiveness"].tolist() == [1.0] * 20
-    assert [own["name"] for own in result.summary["extensions"]] == ["still", "also"]
-    assert result.summary["extensions"][0]["sha256"] == hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+    assert [own.name for own in result.summary.extensions] == ["still", "also"]
+    assert result.summary.extensions[0].sha256 == hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
     assert result.trace[f"{scenario.estimators[0].name}.effectiveness"].tolist() == [0.25] * 20
-    assert result.summary["estimators"]["b"]["nees_mean_post"] is None
+    assert result.summary.metrics.estimators["b"].nees_mean_post is None
     with pytest.raises(
         ScenarioError,
         match=r"estimators\.0\.kind: unknown estimator; known: differentiated-rls, input-kalman, loop-gain",
@@ -291,9 +292,9 @@ def test_what_has_no_file_has_no_hash() -> None:
     exec("class Typed(Still): ...", names)
     with using({"typed": names["Typed"], "part": partial(Still)}):
         summary = flightbed.run(load_scenario("nominal", [*QUICK, "estimators.0.kind=part", "estimators.1={name='t', kind='typed'}"])).summary  # fmt: skip
-    part, typed = summary["extensions"]
-    assert typed == {"name": "typed", "sha256": None}
-    assert part["sha256"] is not None
+    part, typed = summary.extensions
+    assert (typed.name, typed.sha256) == ("typed", None)
+    assert part.sha256 is not None
 
 
 @pytest.mark.parametrize(
@@ -553,7 +554,7 @@ def test_an_estimator_that_says_nan_to_the_law_is_told() -> None:
         with pytest.raises(EstimateError, match="estimators.0: its smoothed K is nan at tick 0"):
             run(load_scenario("nominal", keys))
         beside = run(load_scenario("nominal", [*keys, "adaptation.enabled=false"]))  # hurts nobody
-    assert beside.summary["estimators"]["scheduled"]["nis_expected"] == 2.0
+    assert beside.summary.metrics.estimators["scheduled"].nis_expected == 2.0
 
 
 def test_a_failure_that_leaves_no_number_is_told() -> None:
@@ -576,8 +577,20 @@ def test_a_file_that_changes_on_the_way_to_a_worker_is_refused(tmp_path: Path, m
 
 
 def test_the_command_that_flies_it_again_is_quoted_and_honest() -> None:
-    summary = {"extensions": [{"name": "my dir/est.py:E"}, {"name": "at-hand"}]}
-    assert permits(summary) == " --use 'my dir/est.py:E'"
-    assert at_hand(summary) == ["at-hand"]
-    page = again("schema = 1", permits(summary), {"python": "3", "flightbed": "1"}, at_hand(summary))
-    assert any("'at-hand' was at hand in Python, and no command names it" in text for text in page.text)
+    names = ["my dir/est.py:E", "at-hand"]
+    assert permits(names) == " --use 'my dir/est.py:E'"
+    assert at_hand(names) == ["at-hand"]
+    page = rerun_command("schema = 1", permits(names), {"python": "3", "flightbed": "1"}, at_hand(names))
+    assert any("'at-hand' was given in Python, and no command can name it" in text for text in page.text)
+
+
+def test_a_health_that_is_not_finite_is_named_with_its_time_and_value() -> None:
+    def broken(settings: Any, before: Any, control_hz: int) -> Any:
+        return lambda tick: before(tick)._replace(effectiveness=math.nan) if tick >= 0.5 * control_hz else before(tick)
+
+    keys = ["duration_s=1", "failures=[]", "failures.0={kind='broken', at_s=0.5}"]
+    message = (
+        r"failures: the health is not finite from t = 0\.5 s on \(got effectiveness_true = nan\); return finite values"
+    )
+    with using({"broken": broken}), pytest.raises(ExtensionError, match=message):
+        flightbed.run(load_scenario("thesis-loss", keys))

@@ -14,9 +14,10 @@ from flightbed.consistency import detectors, estimates
 from flightbed.errors import EstimateError, ScenarioError
 from flightbed.estimation.surfaces import TwoStagePitch, TwoStageSurfaces
 from flightbed.event_log import why_departed
+from flightbed.flight_result import Result
 from flightbed.loop import fly
 from flightbed.metrics import SETTLING_S, measure
-from flightbed.mission import Result, run
+from flightbed.mission import run
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.sensors import LateralNoise, LateralSensors
@@ -160,8 +161,10 @@ def test_tracking_of_all_axes_is_told_and_of_pitch_alone_elsewhere(flown: Result
         for key, column, reference in (("p_deg_s", "p_deg_s", "p_ref_deg_s"), ("beta_deg", "beta_deg", "beta_ref_deg")):
             expected = np.sqrt(np.mean((trace[column] - trace[reference])[ticks] ** 2))
             assert getattr(metrics, f"tracking_rms_{when}_{key}") == pytest.approx(expected, rel=1e-12)
-            assert flown.summary[f"tracking_rms_{when}_{key}"] == getattr(metrics, f"tracking_rms_{when}_{key}")
-    pitch = run(load_scenario("nominal", ["duration_s=0.5"])).summary
+            assert flown.summary.to_dict()[f"tracking_rms_{when}_{key}"] == getattr(
+                metrics, f"tracking_rms_{when}_{key}"
+            )
+    pitch = run(load_scenario("nominal", ["duration_s=0.5"])).metrics.to_dict()
     keys = [f"tracking_rms_{when}_{key}" for when in ("pre", "post") for key in ("p_deg_s", "beta_deg")]
     assert [pitch[key] for key in keys] == [None] * 4
 

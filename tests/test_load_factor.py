@@ -19,9 +19,10 @@ from flightbed.comparison_report import comparison_report
 from flightbed.control.load_factor import closed_loop_poles, gain_table
 from flightbed.envelope import DYNAMIC_PRESSURES_PSF, PSF, pitch_points
 from flightbed.errors import ScenarioError
+from flightbed.flight_result import fly_plan
 from flightbed.fused import rows_of
 from flightbed.loop import fly
-from flightbed.mission import fly_plan, run
+from flightbed.mission import run
 from flightbed.plan import plan
 from flightbed.pull_up import PullUp, command_g, increment_g, pull_up
 from flightbed.scenario import load_scenario
@@ -226,24 +227,27 @@ def test_a_flight_in_g_is_measured_in_g(tmp_path: Path) -> None:
     result = run(load_scenario("cg-shift"), tmp_path / "run", rerun=False)
     trace, summary = result.trace, result.summary
     error, late = trace["nz_g"] - trace["nz_ref_g"], trace["t_s"] >= 10.3 - 1e-9
-    assert summary["tracking_rms_post_nz_g"] == pytest.approx(np.sqrt(np.mean(error[late] ** 2)))
-    assert summary["tracking_rms_post_deg_s"] is None
+    assert summary.metrics.tracking_rms_post_nz_g == pytest.approx(np.sqrt(np.mean(error[late] ** 2)))
+    assert summary.metrics.tracking_rms_post_deg_s is None
     one = pull_up(trace.columns, control_hz=100, ticks=1800)
-    told = [summary[f"pull_up_{key}"] for key in ("overshoot", "undershoot", "disturbance_g", "flutter_deg")]
+    told = [
+        getattr(summary.metrics, f"pull_up_{key}")
+        for key in ("overshoot", "undershoot", "disturbance_g", "flutter_deg")
+    ]
     assert told == [one.overshoot, one.undershoot, one.disturbance_g, one.flutter_deg]
     assert "nz - nz_ref" in run_card(result.plan.scenario, summary)
     page = (tmp_path / "run" / "report.html").read_text()
     assert "RMS of nz - reference" in page
     assert "pull_up_overshoot" in page
-    other = run(load_scenario("nominal", ["duration_s=1"])).summary
-    assert other["tracking_rms_pre_nz_g"] is None is other["pull_up_overshoot"]
+    other = run(load_scenario("nominal", ["duration_s=1"])).metrics
+    assert other.tracking_rms_pre_nz_g is None is other.pull_up_overshoot
 
 
 def test_a_campaign_of_flights_in_g_is_judged_by_the_load_factor() -> None:
     flown = campaigns.fly(load_scenario("cg-shift", ["sensors.nz_std_g=0.002"]), 7)
     assert "RMS of nz - nz_ref" in flown.reason
     campaign_report(flown)
-    assert "Median RMS of nz - nz_ref from 0.3 s after the failure" in headline(flown)
+    assert "Median RMS of nz - nz_ref from 0.3 s after the failure" in headline(flown.summary)
     overshoots = flown.quantity("pull_up_overshoot").known
     assert len(set(overshoots)) == 7
 

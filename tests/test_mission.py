@@ -15,7 +15,9 @@ import pytest
 import flightbed
 from flightbed import data
 from flightbed.errors import AircraftError, NoTrimError, OutputError
-from flightbed.mission import Result, plan, run
+from flightbed.flight_result import Result
+from flightbed.mission import run
+from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.trace import read_trace
 from flightbed.units import DEG
@@ -82,7 +84,7 @@ def test_where_the_elevator_trims_nothing_only_dither_shows_the_loss() -> None:
     """With the c.g. 5.7 % aft both filters find 80 % lost by the dither, and neither within 1.5 s without."""
     shaken = run(load_scenario("dithered-level"))
     still = run(load_scenario("dithered-level", ["command.kind=none"]))
-    assert abs(shaken.summary["trim"]["elevator_deg"]) < 0.05
+    assert abs(shaken.summary.trim.elevator_deg) < 0.05
     for name, error in (("scheduled", 0.03), ("short-period", 0.08)):
         seen, blind = (r.metrics.estimators[name] for r in (shaken, still))
         assert seen.median_abs_error_post < error
@@ -153,7 +155,7 @@ def test_elevator_and_airframe_fail_side_by_side() -> None:
     assert [tuple(c[k] for c in columns) for k in (199, 200, 449, 450, len(t) - 1)] == [
         (1.0, 1.0, 0.0), (1.0, 1.0, 0.03), (1.0, 1.0, 0.03), (0.2, 0.7, 0.03), (0.2, 0.7, 0.03),
     ]  # fmt: skip
-    assert (result.summary["failed_at_s"], result.summary["estimators_since_s"]) == (2.0, 4.5)
+    assert (result.summary.failed_at_s, result.summary.metrics.estimators_since_s) == (2.0, 4.5)
 
 
 def test_a_cg_shift_acts_at_its_tick_and_not_before() -> None:
@@ -384,25 +386,25 @@ def test_runs_that_end_at_once_take_a_folder_each(tmp_path: Path) -> None:
 def test_a_long_flight_stays_upright_and_ends_in_time() -> None:
     """Two minutes after the doublets: the stock model's spiral mode, unstable here, is held by the wing leveller."""
     result = run(load_scenario("nominal", ["duration_s=120"]))
-    assert result.summary["ended"] == "time"
-    assert result.summary["bank_max_deg"] < 0.1
+    assert result.summary.ended == "time"
+    assert result.summary.bank_max_deg < 0.1
     assert np.abs(result.trace["psi_deg"]).max() < 1.0
 
 
 def test_a_flight_ends_at_the_ground() -> None:
     dive = ["condition.altitude_ft=2000", "command.kind=constant", "command.amplitude_deg_s=-4", "duration_s=60"]
     result = run(load_scenario("nominal", dive))
-    assert result.summary["ended"] == "ground"
+    assert result.summary.ended == "ground"
     assert not result.metrics.departed
     assert result.trace["altitude_ft"][-1] < 0.0 < result.trace["altitude_ft"][-2]
 
 
 def test_a_failure_that_the_flight_does_not_reach_is_not_reported() -> None:
     lost = run(load_scenario("elevator-loss-fixed", ["failures.1.at_s=16", "failures.1.to=0.1"]))
-    assert lost.summary["failed_at_s"] == 4.5
+    assert lost.summary.failed_at_s == 4.5
     only = run(load_scenario("elevator-loss-fixed", ["failures.0.at_s=16", "aircraft.cg_shift_cbar=0.5"]))
     assert only.metrics.departed
-    assert only.summary["failed_at_s"] is None
+    assert only.summary.failed_at_s is None
     assert only.metrics.tracking_rms_post_deg_s is None
 
 
@@ -420,7 +422,7 @@ def test_a_resolved_scenario_names_the_very_aircraft(tmp_path: Path, monkeypatch
     (own / "aircraft.toml").write_text(text.replace("rate_limit_deg_s = 60.0", "rate_limit_deg_s = 50.0"))
     with pytest.raises(AircraftError, match=r"is not the one that this scenario was flown with"):
         run(again)
-    assert run(load_scenario(tmp_path / "out" / "scenario.toml", ['aircraft.sha256=""'])).summary["ended"] == "time"
+    assert run(load_scenario(tmp_path / "out" / "scenario.toml", ['aircraft.sha256=""'])).summary.ended == "time"
 
 
 def test_public_names_are_functions_whatever_was_imported_first() -> None:

@@ -14,8 +14,9 @@ import pytest
 from flightbed import data, drawing, palette
 from flightbed.document import Document, Listing, show
 from flightbed.figures import pictures
+from flightbed.flight_result import Result
 from flightbed.metrics import EstimatorMetrics
-from flightbed.mission import Result, run
+from flightbed.mission import run
 from flightbed.page import render
 from flightbed.report import ESTIMATOR_METRICS, run_report
 from flightbed.scenario import load_scenario
@@ -88,7 +89,7 @@ def test_every_metric_of_an_estimator_has_a_unit_and_a_word() -> None:
 
 
 def test_the_first_lines_say_what_failed_and_how_it_ended(report: Document) -> None:
-    start = words(render(report)).partition("What flew")[0]
+    start = words(render(report)).partition("Settings")[0]
     assert "At 4.5 s the elevator keeps 20% of its effect." in start
     assert "The proportional law is corrected by 1/K of 'scheduled'. Outcome: flown to 16.5 s." in start
     assert "f16 at Mach 0.8, 20,000 ft, seed 0" in start
@@ -141,7 +142,7 @@ def test_the_scenario_and_the_commands_are_there(flown: Result, report: Document
     listings = {i.title: i.text for s in report.sections for i in s.items if isinstance(i, Listing)}
     assert listings["scenario.toml, complete"] == flown.plan.scenario.to_toml()
     assert "flightbed run FOLDER/scenario.toml\n" in listings["Commands"]
-    assert f"jsbsim=={flown.summary['versions']['jsbsim']}" in listings["Commands"]
+    assert f"jsbsim=={flown.summary.versions['jsbsim']}" in listings["Commands"]
 
 
 def test_the_same_flight_is_the_same_page_but_for_the_clock(flown: Result, report: Document) -> None:
@@ -190,7 +191,7 @@ def test_a_reconstruction_is_drawn_beside_what_acts(name: str, column: str) -> N
 def test_a_flight_that_departs_says_so_first() -> None:
     result = run(load_scenario("elevator-loss-fixed"))
     document = run_report(result)
-    gone = f"departed at {result.summary['departed_at_s']:.2f} s"
+    gone = f"departed at {result.summary.metrics.departed_at_s:.2f} s"
     assert gone in document.lead.text[0]
     assert "not corrected" in document.lead.text[0]
     assert any("DEPARTED" in row["event"] for row in _table(document, "events"))
@@ -229,7 +230,7 @@ def test_of_very_many_events_the_severe_ones_stay(flown: Result) -> None:
     (table,) = (t for t in run_report(many).tables() if t.key == "events")
     assert len(table.rows) == 101
     assert str(table.rows[-1][1]).startswith("FAILURE")
-    assert "more events are left out" in table.note
+    assert "more events are not listed" in table.note
 
 
 def test_a_run_without_a_report(tmp_path: Path) -> None:
@@ -240,7 +241,7 @@ def test_a_run_without_a_report(tmp_path: Path) -> None:
 def test_a_flight_with_roll_and_yaw_has_figures_and_numbers_of_them() -> None:
     result = run(rolling())
     document = run_report(result)
-    summary, svg = result.summary, {p.key: p.svg for p in document.pictures()}
+    metrics, stored, svg = result.metrics, result.summary.to_dict(), {p.key: p.svg for p in document.pictures()}
     assert list(svg) == [
         "pitch-rate", "alpha", "elevator", "roll", "aileron-and-rudder", "effectiveness", "nis", "sigma", "condition",
     ]  # fmt: skip
@@ -249,10 +250,10 @@ def test_a_flight_with_roll_and_yaw_has_figures_and_numbers_of_them() -> None:
     for key, count in axes.items():
         assert _strokes(svg[key], drawing.FAILURE) >= 2 * count, key
     (key,) = _table(document, "key")
-    assert key["RMS p - reference after it, deg/s"] == summary["tracking_rms_post_p_deg_s"]
-    assert key["RMS beta - reference before the failure, deg"] == summary["tracking_rms_pre_beta_deg"]
+    assert key["RMS p - reference after it, deg/s"] == metrics.tracking_rms_post_p_deg_s
+    assert key["RMS beta - reference before the failure, deg"] == metrics.tracking_rms_pre_beta_deg
     for row in _table(document, "flight"):
-        assert row["value"] == summary[row["metric"]], row
+        assert row["value"] == stored[row["metric"]], row
     estimates = {row["estimator"]: row for row in _table(document, "estimates")}
     assert {name: row["true K"] for name, row in estimates.items()} == {
         "surfaces": 1.0, "surfaces.aileron": 0.4, "surfaces.rudder": 0.5, "pitch": 1.0,
@@ -260,7 +261,7 @@ def test_a_flight_with_roll_and_yaw_has_figures_and_numbers_of_them() -> None:
     assert [row["corrects the law"] for row in estimates.values()] == ["yes", "yes", "yes", "no"]
     told = {p.key: p.facts for p in document.pictures()}
     assert (
-        f"'surfaces.rudder' ends at {summary['estimators']['surfaces.rudder']['final']:.3f} (truth 0.500)"
+        f"'surfaces.rudder' ends at {metrics.estimators['surfaces.rudder'].final:.3f} (truth 0.500)"
         in told["effectiveness"]
     )
     assert "above the bound 11.07 in" in told["nis"]  # of five readings
@@ -282,4 +283,4 @@ def test_every_failure_of_an_actuator_has_a_sound_page(kind: str, surface: str) 
     page = render(run_report(result))
     assert_sound(page)
     assert "nan" not in words(page)
-    assert f"the {surface}" in words(page).partition("What flew")[0]
+    assert f"the {surface}" in words(page).partition("Settings")[0]

@@ -19,7 +19,8 @@ from flightbed import registry
 from flightbed.assembly import sensor_noise
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
-from flightbed.mission import Plan, fly, plan
+from flightbed.mission import fly
+from flightbed.plan import Plan, plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import EstimatorSettings
 from flightbed.signals import Measurement

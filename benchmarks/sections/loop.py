@@ -15,8 +15,10 @@ from typing import Any
 
 from measuring import Column, Effort, Table, differences, interleaved, ratios, seconds
 
+from flightbed.assembly import assemble
+from flightbed.flight_result import collected
 from flightbed.loop import Flight
-from flightbed.mission import Plan, assemble, collected, plan
+from flightbed.plan import Plan, plan
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.trace import Trace

@@ -12,12 +12,13 @@ from pathlib import Path
 
 from measuring import Column, Effort, Table, differences, interleaved, ratios, seconds
 
-from flightbed.assembly import sensor_noise
+from flightbed.assembly import assemble, sensor_noise
 from flightbed.bound import bound, schedule_models
+from flightbed.flight_result import Result, fly_plan
 from flightbed.folder import shown
 from flightbed.fused import rows_of
 from flightbed.metrics import measure as metrics_of
-from flightbed.mission import Result, assemble, fly_plan, run
+from flightbed.mission import run
 from flightbed.pacing import heap_set_aside
 from flightbed.page import render
 from flightbed.report import run_report
@@ -82,7 +83,7 @@ def _alone(work: Callable[[], object]) -> float:
 
 def _metrics(result: Result) -> None:
     summary, alpha_trim_deg = result.summary, result.plan.trim.alpha_rad / DEG
-    metrics_of(result.trace, alpha_trim_deg=alpha_trim_deg, failed_at_s=summary["failed_at_s"])
+    metrics_of(result.trace, alpha_trim_deg=alpha_trim_deg, failed_at_s=summary.failed_at_s)
 
 
 def _bound(result: Result) -> None:

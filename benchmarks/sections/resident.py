@@ -24,7 +24,9 @@ def resident_b() -> int:
 def held(flights: int, overrides: list[str]) -> dict[str, float]:
     """Return memory as things are added: the interpreter, flightbed and a plan, so many measured traces, so many flights put together."""
     memory = {"python": resident_b()}
-    from flightbed.mission import assemble, fly_plan, plan
+    from flightbed.assembly import assemble
+    from flightbed.flight_result import fly_plan
+    from flightbed.plan import plan
     from flightbed.scenario import load_scenario
 
     planned = plan(load_scenario("elevator-loss", overrides))
@@ -48,7 +50,8 @@ def grown(flights: int, overrides: list[str]) -> dict[str, list[int]]:
     """Return memory after the settling, and after each tenth of so many flights of as many seeds, none of which is kept."""
     from dataclasses import replace
 
-    from flightbed.mission import fly_plan, plan
+    from flightbed.flight_result import fly_plan
+    from flightbed.plan import plan
     from flightbed.scenario import load_scenario
 
     planned = plan(load_scenario("elevator-loss", overrides))

@@ -155,7 +155,7 @@ def _states(stream: rr.RecordingStream, run: Run, entity: str) -> None:
     stream.log(entity, rr.StateConfiguration(values=list(_STATES), colors=colors), static=True)
     changes = [(0.0, "healthy")]
     changes += [(t_s, "failed") for t_s in run.failures_s[:1] if t_s <= run.trace["t_s"][-1]]
-    changes.append((float(run.trace["t_s"][-1]), "departed" if run.summary["departed"] else "over"))
+    changes.append((float(run.trace["t_s"][-1]), "departed" if run.summary.metrics.departed else "over"))
     for t_s, state in changes:
         set_time(stream, t_s)
         stream.log(entity, rr.StateChange(state=state))

@@ -19,7 +19,7 @@ from flightbed.estimation.plid_effectiveness import (
     transfer_function,
 )
 from flightbed.estimation.udu import FACTORED
-from flightbed.mission import fly_plan
+from flightbed.flight_result import fly_plan
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.sensors import SensorNoise

@@ -249,8 +249,8 @@ def test_a_flight_with_a_reconstruction_is_left_to_fly() -> None:
 def test_the_law_can_be_corrected_by_it(name: str) -> None:
     own = run(load_scenario("elevator-loss", [*BOTH, f"adaptation.estimator={name}"]))
     theirs = run(load_scenario("elevator-loss", BOTH))
-    assert not own.summary["departed"]
-    found, best = own.summary["tracking_rms_post_deg_s"], theirs.summary["tracking_rms_post_deg_s"]
+    assert not own.summary.metrics.departed
+    found, best = own.summary.metrics.tracking_rms_post_deg_s, theirs.summary.metrics.tracking_rms_post_deg_s
     assert found < 1.3 * best
 
 

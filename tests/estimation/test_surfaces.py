@@ -22,8 +22,8 @@ from flightbed.estimation.two_stage import (
     TwoStageFilter,
     VariableForgetting,
 )
+from flightbed.flight_result import fly_plan
 from flightbed.loop import Flight, fly
-from flightbed.mission import fly_plan
 from flightbed.plan import Plan, plan
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion

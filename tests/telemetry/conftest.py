@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from flightbed.mission import Result, run
+from flightbed.flight_result import Result
+from flightbed.mission import run
 from flightbed.scenario import load_scenario
 
 

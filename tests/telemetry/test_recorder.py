@@ -13,9 +13,10 @@ from rerun.chunk import RrdReader
 
 from flightbed import data
 from flightbed.errors import OutputError
+from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.live import Live
-from flightbed.mission import Result, run
+from flightbed.mission import run
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.signals import Sample
 from flightbed.telemetry import mesh
@@ -228,7 +229,7 @@ def test_the_bound_of_nis_is_that_of_the_readings_it_is_of(tmp_path: Path) -> No
 
     keys = ["duration_s=1", "failures.0.at_s=0.5", "estimators.1={name='rls', kind='differentiated-rls'}"]
     result = run(load_scenario("elevator-loss", keys), tmp_path / "run")
-    assert result.summary["estimators"]["rls"]["nis_expected"] == 1.0
+    assert result.summary.metrics.estimators["rls"].nis_expected == 1.0
     for name, readings in (("scheduled", 2), ("rls", 1)):
         _, values = series(tmp_path / "run" / "flight.rrd", f"/nis/{name}", "Scalars:scalars")
         np.testing.assert_allclose(values[:, 1], chi2.ppf(0.95, readings), rtol=1e-9)
@@ -238,7 +239,7 @@ def test_a_departure_is_a_mode(tmp_path: Path) -> None:
     result = run(load_scenario("elevator-loss-fixed"), tmp_path / "run")
     times, states = series(tmp_path / "run" / "flight.rrd", "/mode/elevator", "StateChange:state")
     assert list(states) == ["healthy", "failed", "departed", "departed"]
-    assert times[2] == pytest.approx(result.summary["departed_at_s"])
+    assert times[2] == pytest.approx(result.summary.metrics.departed_at_s)
 
 
 def test_a_recording_that_the_environment_forbids_is_refused(
@@ -344,7 +345,7 @@ def test_the_modes_are_told(flown: Result, recording: Path) -> None:
     times, states = series(recording, "/mode/elevator", "StateChange:state")
     assert list(zip(times, states, strict=True)) == [(0.0, "healthy"), (4.5, "failed")]
     times, states = series(recording, "/mode/detection_scheduled", "StateChange:state")
-    detected = 4.5 + flown.summary["estimators"]["scheduled"]["detected_at_s"]
+    detected = 4.5 + flown.summary.metrics.estimators["scheduled"].detected_at_s
     assert list(states) == ["no change found", "change detected"]
     np.testing.assert_allclose(times, [0.0, detected])
     times, states = series(recording, "/mode/saturation", "StateChange:state")

@@ -13,8 +13,9 @@ import pytest
 
 from flightbed import palette
 from flightbed.errors import InputError, OutputError
+from flightbed.flight_result import Result
 from flightbed.folder import shown
-from flightbed.mission import Result, run
+from flightbed.mission import run
 from flightbed.scenario import load_scenario
 from flightbed.telemetry import viewer
 from flightbed.telemetry.layout import TABS

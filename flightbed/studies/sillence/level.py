@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any
 
@@ -12,7 +13,7 @@ from flightbed import drawing
 from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.mission import run
-from flightbed.pacing import WallClock
+from flightbed.pacing import Punctuality, WallClock
 from flightbed.scenario import load_scenario
 from flightbed.statistics import share, spread
 from flightbed.studies.base import Flights, Part, keyed_part
@@ -125,7 +126,8 @@ def real_time(scenario: str = "elevator-loss", overrides: tuple[str, ...] = ()) 
 
     def build(_flights: Flights) -> Section:
         flown = run(load_scenario(scenario, overrides), pace=WallClock())
-        timing = flown.summary["realtime"]
+        timing = flown.summary.realtime
+        assert timing is not None  # the flight is paced
         return Section(
             "(f) Real time",
             [
@@ -139,12 +141,13 @@ def real_time(scenario: str = "elevator-loss", overrides: tuple[str, ...] = ()) 
     return Part([], build)
 
 
-def _timing_table(scenario: str, timing: Mapping[str, Any]) -> Table:
+def _timing_table(scenario: str, timing: Punctuality) -> Table:
     rows: list[list[Cell]] = [
-        ["ticks", float(timing["ticks"])], ["late ticks", float(timing["late_ticks"])], ["worst overrun, ms", timing["worst_overrun_ms"]],
-        *([f"{name} {p}, ms", timing[key][p]] for key, name in (("jitter_ms", "release delay,"), ("compute_ms", "computing time,"))
-          for p in timing[key]),
-        ["achieved, Hz", timing["achieved_hz"]],
+        ["ticks", float(timing.ticks)], ["late ticks", float(timing.late_ticks)], ["worst overrun, ms", timing.worst_overrun_ms],
+        *([f"{name} {percentile}, ms", value]
+          for spread, name in ((timing.jitter_ms, "release delay,"), (timing.compute_ms, "computing time,"))
+          for percentile, value in asdict(spread).items()),
+        ["achieved, Hz", timing.achieved_hz],
     ]  # fmt: skip
     return Table("real_time", f"{scenario} in real time", ("quantity", "value"), rows, {"value": ".4g"})
 
