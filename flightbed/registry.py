@@ -61,6 +61,7 @@ _BUILT_IN = MappingProxyType(
             "input-kalman": "flightbed.reconstructions:input_kalman",
         },
         "studies": {
+            "estimators": "flightbed.studies.estimators.study:estimators",
             "gupta": "flightbed.studies.gupta.study:gupta",
             "kemp": "flightbed.studies.kemp.study:kemp",
             "sillence": "flightbed.studies.sillence.study:sillence",

@@ -13,12 +13,13 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from measuring import Column, Effort, Table, differences, interleaved, ratios, seconds
+from measuring import Column, Effort, Table
 
 from flightbed.loop import Flight
 from flightbed.mission import Plan, assemble, collected, plan
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.scenario import Scenario, load_scenario
+from flightbed.timing import differences, interleaved, ratios, seconds
 from flightbed.trace import Trace
 from flightbed.units import DEG
 

@@ -73,7 +73,7 @@ def test_the_page_has_the_tables_rows_and_columns_that_the_command_makes_today(
     path = README if piece == "short" else PAGE
     written = bench.page.between_markers(path.read_text(encoding="utf-8"), piece)
     made = bench.page.pieces(smoke)[piece]
-    assert _skeleton(written) == _skeleton(made), "run: python benchmarks/estimators.py --write"
+    assert _skeleton(written) == _skeleton(made), "run: python tools/tables/estimators.py --write"
     assert _skeleton(made)
 
 
