@@ -1,8 +1,8 @@
 """The tables of docs/estimators.md and the short one of README.md, out of the study ``estimators``.
 
-    python tools/tables/estimators.py [--runs 80] [--workers N]     # fly, and print the tables
-    python tools/tables/estimators.py --write                        # write them into docs/estimators.md and README.md, too
-    python tools/tables/estimators.py --quick --runs 1               # short flights, to try the command; their figures mean nothing
+python tools/tables/estimators.py [--runs 80] [--workers N]     # fly, and print the tables
+python tools/tables/estimators.py --write                        # write them into docs/estimators.md and README.md, too
+python tools/tables/estimators.py --quick --runs 1               # short flights, to try the command; their figures mean nothing
 """
 
 from __future__ import annotations

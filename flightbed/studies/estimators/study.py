@@ -68,7 +68,7 @@ def parts(runs: int, compared: Comparison) -> Sequence[Part]:
 
         return keyed(jobs, build)
 
-    return [part(section) for section in (_glance, _assumptions, _flights, _results, _alarms, _choice)]
+    return [part(section) for section in SECTIONS]
 
 
 def _glance(results: Results) -> Section:
@@ -112,3 +112,6 @@ def _alarms(results: Results) -> Section:
 
 def _choice(results: Results) -> Section:
     return Section("Which to choose", reading(results), [by_flight(results)])
+
+
+SECTIONS: tuple[Callable[[Results], Section], ...] = (_glance, _assumptions, _flights, _results, _alarms, _choice)
