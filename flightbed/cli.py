@@ -39,7 +39,6 @@ _out = _Out(highlight=False)
 
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 Several = Annotated[list[str] | None, Parameter(negative="", show_default=False)]
-Files = Annotated[list[Path] | None, Parameter(negative="", show_default=False)]
 Sets = Annotated[list[str] | None, Parameter(name="--set", negative="", show_default=False)]
 
 
@@ -347,7 +346,7 @@ def reproduce(
     out: Path | None = None,
     workers: Annotated[int | None, Parameter(show_default=False)] = None,
     use: Several = None,
-    settings: Files = None,
+    settings: Annotated[list[Path] | None, Parameter(negative="", show_default=False)] = None,
     json: Flag = False,
 ) -> None:
     """Recompute a study, a published one or the comparison of all estimators, and leave a folder with report and results.
@@ -357,10 +356,8 @@ def reproduce(
         runs: Flights of each case; without it, as many as the study takes.
         out: Folder to write; an earlier study in it is replaced. Without it: studies/NAME, or studies/NAME-2, ... if that exists.
         workers: Processes that fly, all cores without it; the results do not depend on it.
-        use: MODULE:ATTRIBUTE or FILE.py:ATTRIBUTE, an estimator of your own that is compared too, in the study `estimators`; repeat --use
-            for each.
-        settings: TOML file with the keys of an `[[estimators]]` table, of an estimator that is compared too; its `kind` may be missing
-            beside one --use. Repeat --settings for each.
+        use: MODULE:ATTRIBUTE or FILE.py:ATTRIBUTE, your own estimator as a further one in the study `estimators`; repeat --use for each.
+        settings: TOML file with the keys of the `[[estimators]]` table of a further estimator; repeat --settings for each.
         json: Print what results.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
