@@ -14,13 +14,13 @@ from functools import partial
 
 import jsbsim
 import numpy as np
-from measuring import interleaved, ratios, seconds, spread
 
 from flightbed.aircraft import load_aircraft
 from flightbed.linearize import linearize
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.survey import Query, linearize_at
+from flightbed.timing import interleaved, ratios, seconds, spread
 from flightbed.trim import trim
 from flightbed.units import DEG
 

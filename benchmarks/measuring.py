@@ -1,22 +1,13 @@
-"""What the benchmarks share: ways measured in turn, medians with ranges, tables of them.
-
-Figures are one value a round, and what compares two of them, a ratio or a difference, is taken round by round: a change of the machine's
-mood then meets both.
-"""
+"""What the benchmarks share: environment and effort, tables of figures (``flightbed.timing`` takes these)."""
 
 from __future__ import annotations
 
 import os
 import statistics
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, TypeVar
-
-K = TypeVar("K")
-T = TypeVar("T")
-Figures = list[float]  # one a round
+from typing import Any
 
 THREADS = (
     "OPENBLAS_NUM_THREADS",
@@ -31,67 +22,6 @@ _TOLD = (
     "RERUN",
     *THREADS,
 )  # by which figures change
-
-
-def interleaved(ways: Mapping[K, Callable[[], T]], rounds: int, *, warm: int = 1) -> dict[K, list[T]]:
-    """Take all ways once a round, every second round backwards; returns what each gave, round by round.
-
-    Args:
-        ways: what to call, by name.
-        rounds: how often.
-        warm: rounds before these, whose results are dropped: they load and compile.
-
-    """
-    given: dict[K, list[T]] = {name: [] for name in ways}
-    for number in range(-warm, rounds):
-        for name in list(ways)[:: -1 if number % 2 else 1]:
-            value = ways[name]()
-            if number >= 0:
-                given[name].append(value)
-    return given
-
-
-def seconds(work: Callable[[], object], repeat: int = 1, *, clock: Callable[[], float] = time.perf_counter) -> float:
-    """Return how long one of so many calls in a row takes, s.
-
-    Args:
-        work: what to call.
-        repeat: how often.
-        clock: the wall's; ``time.thread_time``, the time that this thread has the processor, for work that never waits and has no other
-            threads: a turn of another process, 4 ms under Linux, is longer than some of what is timed, and would be all that is seen.
-
-    """
-    began = clock()
-    for _ in range(repeat):
-        work()
-    return (clock() - began) / repeat
-
-
-def ratios(over: Sequence[float], under: Sequence[float]) -> Figures:
-    """Return one figure over another, round by round."""
-    return [a / b for a, b in zip(over, under, strict=True)]
-
-
-def differences(more: Sequence[float], less: Sequence[float]) -> Figures:
-    """Return one figure less another, round by round."""
-    return [a - b for a, b in zip(more, less, strict=True)]
-
-
-def spread(values: Sequence[float], spec: str) -> str:
-    """Return "median (lowest to highest)", or the median alone where they do not differ."""
-    median, low, high = (format(f(values), spec) for f in (statistics.median, min, max))
-    return median if low == high else f"{median} ({low} to {high})"
-
-
-def likely(values: Iterable[float | None], spec: str) -> str:
-    """Return "median (5 % - 95 %)" of the values that there are, or "-"."""
-    import numpy as np  # not before THREADS can be set
-
-    known = [v for v in values if v is not None]
-    if not known:
-        return "-"
-    low, middle, high = np.percentile(known, [5, 50, 95])
-    return f"{middle:{spec}} ({low:{spec}} - {high:{spec}})"
 
 
 def machine() -> dict[str, Any]:
@@ -157,6 +87,8 @@ class Table:
 
     def text(self) -> str:
         """Return the table in Markdown, its columns aligned."""
+        from flightbed.timing import spread  # imports numpy, which reads THREADS
+
         lines = [["", *(f"{c.name}" if c.unit == "1" else f"{c.name}, {c.unit}" for c in self.columns)]]
         for name, figures in self.rows.items():
             cells = zip(figures, self.columns, strict=True)

@@ -19,11 +19,12 @@ from dataclasses import asdict
 from functools import partial
 from typing import Any
 
-from measuring import interleaved, machine, spread
+from measuring import machine
 
 from flightbed.mission import run
 from flightbed.pacing import WallClock
 from flightbed.scenario import Scenario, load_scenario
+from flightbed.timing import interleaved, spread
 
 
 @contextmanager

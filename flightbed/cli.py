@@ -345,21 +345,27 @@ def reproduce(
     runs: Annotated[int | None, Parameter(show_default=False)] = None,
     out: Path | None = None,
     workers: Annotated[int | None, Parameter(show_default=False)] = None,
+    use: Several = None,
+    settings: Annotated[list[Path] | None, Parameter(negative="", show_default=False)] = None,
     json: Flag = False,
 ) -> None:
-    """Recompute a published study, ours beside the printed values, and leave a folder with report and results.
+    """Recompute a study, a published one or the comparison of all estimators, and leave a folder with report and results.
 
     Args:
         study: A name; see `flightbed list studies`.
         runs: Flights of each case; without it, as many as the study takes.
         out: Folder to write; an earlier study in it is replaced. Without it: studies/NAME, or studies/NAME-2, ... if that exists.
         workers: Processes that fly, all cores without it; the results do not depend on it.
+        use: MODULE:ATTRIBUTE or FILE.py:ATTRIBUTE, your own estimator as a further one in the study `estimators`; repeat --use for each.
+        settings: TOML file with the keys of the `[[estimators]]` table of a further estimator; repeat --settings for each.
         json: Print what results.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
     from flightbed import ensemble, folder, registry
+    from flightbed.extension import using
     from flightbed.screen import progress_bar, study_lines
     from flightbed.studies.base import reproduce as recompute
+    from flightbed.studies.base import with_own
 
     chosen = registry.factory("studies", study)()
     for option, value in (("--runs", runs), ("--workers", workers)):
@@ -367,8 +373,10 @@ def reproduce(
             raise InputError(f"{option}: must be at least 1 (got {value})")
     place = out if out is not None else Path("studies") / study
     target = folder.check_target(place, folder.STUDY, replace=out is not None)
-    with progress_bar() as progress, ensemble.processes(workers) as executor:
-        document = recompute(chosen, runs or chosen.runs, executor=executor, progress=progress)
+    with using(*(use or ())):
+        chosen = with_own(chosen, use or (), settings or ())
+        with progress_bar() as progress, ensemble.processes(workers) as executor:
+            document = recompute(chosen, runs or chosen.runs, executor=executor, progress=progress)
     written = folder.write_study(document, target, replace=out is not None)
     if json:
         print(json_module.dumps({**document.to_dict(), "folder": str(written)}, indent=2))

@@ -58,6 +58,7 @@ _BUILT_IN = MappingProxyType(
             "input-kalman": "flightbed.reconstructions:input_kalman",
         },
         "studies": {
+            "estimators": "flightbed.studies.estimators.study:estimators",
             "gupta": "flightbed.studies.gupta.study:gupta",
             "kemp": "flightbed.studies.kemp.study:kemp",
             "sillence": "flightbed.studies.sillence.study:sillence",
@@ -75,6 +76,10 @@ class Permitted(Protocol):
     @property
     def name(self) -> str:
         """Name by which scenarios refer to it."""
+
+    @property
+    def factory(self) -> Callable[..., Any]:
+        """The class or function itself."""
 
     @property
     def files(self) -> frozenset[str]:

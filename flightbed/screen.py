@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from flightbed.metrics import EstimatorMetrics, Metrics
     from flightbed.run_summary import RunSummary
 
+_WIDE = 7  # most columns that a terminal shows with their intervals
 _POINTS = 20  # most points of a campaign with a table on a terminal
 
 
@@ -193,14 +194,16 @@ def _without(column: str, table: Rows) -> Rows:
 
 
 def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
-    """Yield the lines on a study: its first table, its claims, folder."""
+    """Yield the lines on a study: its first table, its claims, folder. A table of many columns shows estimates without intervals."""
     table, claims, facts = document.tables()[0], document.claims(), document.facts
+    wide = len(table.columns) > _WIDE
     yield Text(document.title, style="bold")
     grid = Table(box=None, header_style="dim", padding=(0, 1))
-    for column in table.columns:
-        grid.add_column(escape(column), no_wrap=True)
+    for i, column in enumerate(table.columns):
+        grid.add_column(escape(column), no_wrap=not wide or i == 0, min_width=max(map(len, column.split())))
     for row in table.rows:
-        grid.add_row(*(escape(cell) for cell in table.shown(row)))
+        cells = [cell.estimate if wide and isinstance(cell, Interval) else cell for cell in row]
+        grid.add_row(*(escape(cell) for cell in table.shown(cells)))
     yield grid
     yield Padding(Text(table.note, style="dim"), (0, 1))
     verdicts = Table(box=None, show_header=False, padding=(0, 1))
@@ -211,9 +214,10 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
         )
     yield verdicts
     held = sum(bool(claim.holds) for claim in claims)
+    judged = f"{held} of {len(claims)} claims hold; " if claims else ""
+    drawn = f"{len(document.pictures())} figures; " if document.pictures() else ""
     yield (
-        f"  {held} of {len(claims)} claims hold; {facts['flights']} runs in {facts['wall_time_s']:.0f} s; "
-        f"{len(document.pictures())} figures; written to {escape(str(written))}"
+        f"  {judged}{facts['flights']} runs in {facts['wall_time_s']:.0f} s; {drawn}written to {escape(str(written))}"
     )
 
 

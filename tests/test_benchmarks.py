@@ -1,4 +1,4 @@
-"""The benchmarks run: `--quick` measures every section and no time is asserted, and what they measure with does what it says."""
+"""The benchmarks run: `--quick` measures every section, no time is asserted; and the scripts in tools/ can be loaded."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
+TABLES = BENCHMARKS.parent / "tools" / "tables"
 NUMBERS = ("median", "low", "high")
 
 
@@ -120,36 +121,6 @@ def test_what_cannot_be_measured_is_refused(arguments: list[str], message: str) 
     assert message in done.stderr
 
 
-def test_ways_take_turns_every_second_round_backwards_and_warm_rounds_are_dropped(measuring: Any) -> None:
-    called: list[str] = []
-
-    def way(name: str) -> int:
-        called.append(name)
-        return len(called)
-
-    given = measuring.interleaved({name: lambda name=name: way(name) for name in "abc"}, 3)
-    assert "".join(called) == "cbaabccbaabc"
-    assert given == {"a": [4, 9, 10], "b": [5, 8, 11], "c": [6, 7, 12]}
-
-
-def test_comparisons_are_made_round_by_round(measuring: Any) -> None:
-    """The median of the ratios is not the ratio of the medians: here 2, and 10 / 6."""
-    over, under = [2.0, 10.0, 60.0], [1.0, 6.0, 30.0]
-    assert measuring.ratios(over, under) == [2.0, 10.0 / 6.0, 2.0]
-    assert measuring.differences(over, under) == [1.0, 4.0, 30.0]
-    assert measuring.spread(measuring.ratios(over, under), ".2f") == "2.00 (1.67 to 2.00)"
-    with pytest.raises(ValueError, match="zip"):
-        measuring.ratios(over, under[:2])
-
-
-def test_spreads_are_written_as_they_say(measuring: Any) -> None:
-    assert measuring.spread([3.0, 1.0, 2.0], ".1f") == "2.0 (1.0 to 3.0)"
-    assert measuring.spread([1.04, 1.0, 0.96], ".1f") == "1.0"  # no range that is not seen
-    assert measuring.likely([float(v) for v in range(101)], ".0f") == "50 (5 - 95)"
-    assert measuring.likely([None, 7.0], ".0f") == "7 (7 - 7)"
-    assert measuring.likely([None], ".0f") == "-"
-
-
 def test_a_cell_without_a_figure_is_empty_and_is_not_written(measuring: Any) -> None:
     columns = (measuring.Column("time", "ms", ".1f"), measuring.Column("ratio", "1", ".0f"))
     table = measuring.Table("Title", columns, {"a": [[1.0, 2.0, 4.0], None], "b": [[3.0] * 3, [2.0] * 3]}, "Note.")
@@ -164,26 +135,35 @@ def test_a_cell_without_a_figure_is_empty_and_is_not_written(measuring: Any) -> 
     assert first == {"time": {"unit": "ms", "median": 2.0, "low": 1.0, "high": 4.0, "values": [1.0, 2.0, 4.0]}}
 
 
-def test_every_benchmark_can_be_loaded(tmp_path: Path) -> None:
+@pytest.mark.parametrize("folder", [BENCHMARKS, TABLES], ids=lambda folder: folder.name)
+def test_every_script_can_be_loaded(folder: Path, tmp_path: Path) -> None:
     """What they import is still there; in one process, in which none is the main program."""
-    names = sorted(path.stem for path in BENCHMARKS.glob("*.py"))
-    assert "commands" in names
+    names = sorted(path.stem for path in folder.glob("*.py"))
+    assert {"speed", "effectiveness"} & set(names)
     code = "import importlib, sys; sys.path.insert(0, sys.argv[1]); [importlib.import_module(n) for n in sys.argv[2:]]"
-    command = [sys.executable, "-c", code, str(BENCHMARKS), *names]
+    command = [sys.executable, "-c", code, str(folder), *names]
     environment = {**os.environ, "PYTHONPATH": str(BENCHMARKS.parent), "MPLBACKEND": "Agg"}
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 0, done.stderr
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_documents_name_every_benchmark_and_none_that_is_not_there() -> None:
+def test_the_documents_name_every_script_and_none_that_is_not_there() -> None:
     root = BENCHMARKS.parent
-    pages = [root / "README.md", *sorted((root / "docs").glob("*.md"))]
-    named = {name for page in pages for name in re.findall(r"benchmarks/(\w+\.py)", page.read_text())}
-    here = {path.name for path in BENCHMARKS.glob("*.py")}
-    assert named <= here
+    text = "\n".join(page.read_text() for page in (root / "README.md", *(root / "docs").glob("*.md")))
+    named = set(re.findall(r"(?:benchmarks|tools/tables)/\w+\.py", text))
+    assert {name for name in named if not (root / name).is_file()} == set()
     page = (root / "docs" / "benchmarks.md").read_text()
-    assert here <= set(re.findall(r"(\w+\.py)\b", page))
+    scripts = {path.name for folder in (BENCHMARKS, TABLES) for path in folder.glob("*.py")} - {"cells.py"}
+    assert scripts <= set(re.findall(r"(\w+\.py)\b", page))
+
+
+def test_ranges_of_tables_are_written_with_their_median(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(TABLES))
+    likely = import_module("cells").likely
+    assert likely([float(v) for v in range(101)], ".0f") == "50 (5 - 95)"
+    assert likely([None, 7.0], ".0f") == "7 (7 - 7)"
+    assert likely([None], ".0f") == "-"
 
 
 def test_the_page_has_the_sections_and_rows_of_the_command(quick: tuple[str, dict[str, Any]]) -> None:

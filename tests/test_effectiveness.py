@@ -1,4 +1,4 @@
-"""A small version of benchmarks/effectiveness.py, against what a prototype reached (docs/effectiveness.md has the full one)."""
+"""A small version of tools/tables/effectiveness.py, against what a prototype reached (docs/effectiveness.md has the full one)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from flightbed import load_scenario, run
 
-PATH = Path(__file__).resolve().parents[1] / "benchmarks" / "effectiveness.py"
+PATH = Path(__file__).resolve().parents[1] / "tools" / "tables" / "effectiveness.py"
 
 
 @pytest.fixture(scope="module")

@@ -25,12 +25,13 @@ BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.DOTALL)
 
 @contextmanager
 def _there(folder: Path) -> Iterator[io.StringIO]:
-    """Be in the folder, with what is installed there; what was imported from it is forgotten afterwards."""
+    """Be in the folder, with what is installed there, and a short study; what was imported from it is forgotten afterwards."""
     modules, printed = set(sys.modules), io.StringIO()
     registry._installed.cache_clear()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
         patch.chdir(folder)
         patch.syspath_prepend(folder / "installed")
+        patch.setitem(registry._BUILT_IN["studies"], "estimators", "tests.studies.short_comparison:estimators")
         yield printed
     registry._installed.cache_clear()
     for name in set(sys.modules) - modules:
@@ -108,6 +109,12 @@ def test_every_command_of_the_page_flies(outputs: dict[str, str]) -> None:
         assert "flown to" in text, line  # nothing departs
     assert "pitch-least-squares" in outputs["flightbed list estimators"]
     assert "1 passed" in outputs["pytest test_pitch_ls.py"]
+    (reproduced,) = (
+        text for line, text in outputs.items() if line.startswith("flightbed reproduce estimators --runs 3")
+    )
+    assert re.search(
+        r"^ pitch-ls +\d+\.\d +0\.0\d{3} ", reproduced, flags=re.MULTILINE
+    )  # time of an update, error of K
     assert 0.0 < float(outputs["python"]) < 0.1
 
 

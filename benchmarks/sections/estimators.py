@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
-from measuring import Column, Effort, Table, interleaved, ratios, seconds
+from measuring import Column, Effort, Table
 
 from flightbed import registry
 from flightbed.assembly import sensor_noise
@@ -24,6 +24,7 @@ from flightbed.plan import Plan, plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import EstimatorSettings
 from flightbed.signals import Measurement
+from flightbed.timing import interleaved, ratios, seconds
 
 from .loop import ESTIMATORS, SCENARIO
 

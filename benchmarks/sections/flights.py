@@ -11,10 +11,11 @@ from functools import partial
 from multiprocessing import get_context
 from threading import Barrier
 
-from measuring import Column, Effort, Table, interleaved, machine, ratios, seconds
+from measuring import Column, Effort, Table, machine
 
 from flightbed.ensemble import Job, fly_chunk, fly_jobs, processes
 from flightbed.scenario import Scenario, load_scenario
+from flightbed.timing import interleaved, ratios, seconds
 
 CASES = {"linear aircraft": "thesis-loss", "F-16": "elevator-loss"}
 

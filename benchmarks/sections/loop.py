@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from measuring import Column, Effort, Table, differences, interleaved, ratios, seconds
+from measuring import Column, Effort, Table
 
 from flightbed.assembly import assemble
 from flightbed.flight_result import collected
@@ -21,6 +21,7 @@ from flightbed.loop import Flight
 from flightbed.plan import Plan, plan
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.scenario import Scenario, load_scenario
+from flightbed.timing import differences, interleaved, ratios, seconds
 from flightbed.trace import Trace
 from flightbed.units import DEG
 

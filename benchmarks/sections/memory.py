@@ -11,7 +11,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from measuring import Column, Effort, Table, interleaved, plain_shell
+from measuring import Column, Effort, Table, plain_shell
+
+from flightbed.timing import interleaved
 
 from .loop import SCENARIO
 

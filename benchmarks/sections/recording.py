@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from measuring import Column, Effort, Table, differences, interleaved, ratios, seconds
+from measuring import Column, Effort, Table
 
 from flightbed.assembly import assemble, sensor_noise
 from flightbed.bound import bound, schedule_models
@@ -24,6 +24,7 @@ from flightbed.page import render
 from flightbed.report import run_report
 from flightbed.scenario import load_scenario
 from flightbed.telemetry.recording import write_recording
+from flightbed.timing import differences, interleaved, ratios, seconds
 from flightbed.units import DEG
 
 from .loop import SCENARIO, into_trace

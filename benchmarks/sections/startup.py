@@ -13,7 +13,9 @@ from collections.abc import Mapping, Sequence
 from itertools import count
 from pathlib import Path
 
-from measuring import Column, Effort, Table, interleaved, plain_shell, seconds
+from measuring import Column, Effort, Table, plain_shell
+
+from flightbed.timing import interleaved, seconds
 
 from .loop import SCENARIO
 

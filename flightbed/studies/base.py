@@ -8,10 +8,13 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any, TypeVar
 
 from flightbed.document import Document, Section
 from flightbed.ensemble import CHUNK, Flown, Job, fly_jobs, spread
+from flightbed.errors import InputError
+from flightbed.registry import factory, in_use, names
 
 Key = TypeVar("Key")
 Flights = list[list[Flown]]
@@ -60,6 +63,8 @@ class Study:
         title: title of the report: the publication.
         runs: default number of flights or trials per case.
         parts: maps the number of runs per case to the parts, in the order of the report.
+        options: further options of the command that reproduces the study, each after a space.
+        with_own: maps names of permitted code and files of its settings to the same study with that code; None for a study without.
 
     """
 
@@ -67,6 +72,31 @@ class Study:
     title: str
     runs: int
     parts: Callable[[int], Sequence[Part]]
+    options: str = ""
+    with_own: Callable[[Sequence[str], Sequence[Path]], Study] | None = None
+
+
+def with_own(study: Study, use: Sequence[str], settings: Sequence[Path]) -> Study:
+    """Return a study with estimators of the user's own; the study itself where neither code nor settings are given.
+
+    Args:
+        study: the study.
+        use: names of the code, which must be permitted here (``extension.using``).
+        settings: TOML files with their settings.
+
+    Raises:
+        InputError: the study takes none, or cannot use these.
+
+    """
+    if not use and not settings:
+        return study
+    if study.with_own is None:
+        option = f"--use {use[0]}" if use else f"--settings {settings[0]}"
+        able = [name for name in names("studies") if name not in in_use() and factory("studies", name)().with_own]
+        raise InputError(
+            f"{option}: the study {study.name} takes no code or settings of your own; leave it out, or reproduce {' or '.join(able)}"
+        )
+    return study.with_own(use, settings)
 
 
 def keyed_part(jobs: Mapping[Key, Job | Trials], build: Callable[[Mapping[Key, list[Any]]], Section]) -> Part:
@@ -158,12 +188,13 @@ def reproduce(
     }
     sections = [part.build([results[_job_key(job)][: job.runs] for job in part.jobs]) for part in parts]
     facts = {
-        "again": f"flightbed reproduce {study.name} --runs {runs}",
+        "again": f"flightbed reproduce {study.name} --runs {runs}{study.options}",
         "flights": total,
         "runs_of_each_case": runs,
         "seeds": "of each case from 0 on",
         "wall_time_s": round(time.perf_counter() - began, 1),
         "versions": versions(),
+        **({"extensions": {own.name: own.sha256 for own in in_use().values()}} if in_use() else {}),
     }
     return Document(study.title, sections, facts)
 

@@ -1,4 +1,4 @@
-"""The flights that all estimators share, a row each: shipped scenarios, their estimators replaced."""
+"""The flights that all estimators share, one row each: shipped scenarios with other estimators."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from flightbed.errors import FlightbedError
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
-
-from .entrants import FIXED, TOLD, Entrant, inline
+from flightbed.studies.estimators.entrants import FIXED, TRUE_K, Entrant, inline
 
 
 @dataclass(frozen=True)
@@ -19,11 +18,11 @@ class Flight:
     """A flight of the set.
 
     Attributes:
-        name: what it is called in the tables.
-        scenario: a shipped one.
-        what: what happens, for the page.
-        without: what the same flight without its failure is called; flights that then are the same have one name.
-        overrides: of the scenario.
+        name: its name in the tables.
+        scenario: name of a shipped scenario.
+        what: its events, for the tables.
+        without: name of the same flight without its failure; flights that are equal without it share the name.
+        overrides: of the scenario, KEY=VALUE.
 
     """
 
@@ -71,7 +70,7 @@ class Course:
     """Scenarios made of the flights.
 
     Attributes:
-        more: overrides of every scenario.
+        more: overrides of every scenario, KEY=VALUE.
 
     """
 
@@ -82,7 +81,7 @@ class Course:
         return load_scenario(flight.scenario, [*flight.overrides, estimators, *own, *self.more])
 
     def together(self, flight: Flight, entrants: Sequence[Entrant]) -> Scenario:
-        """Return the flight with all estimators in parallel; the law is told K and hears none of them."""
+        """Return the flight with all estimators in parallel; the law is corrected by the true K, by none of them."""
         return self._scenario(flight, entrants, "adaptation.oracle=true")
 
     def healthy(self, flight: Flight, entrants: Sequence[Entrant]) -> Scenario:
@@ -90,13 +89,17 @@ class Course:
         return self._scenario(flight, entrants, "adaptation.oracle=true", "failures=[]")
 
     def corrected(self, flight: Flight, by: Entrant | str) -> Scenario:
-        """Return the flight with the law corrected by one estimator, by K itself (``TOLD``), or not at all (``FIXED``)."""
+        """Return the flight with the law corrected by one estimator, by the true K (``TRUE_K``), or not at all (``FIXED``)."""
         if isinstance(by, Entrant):
             return self._scenario(flight, [by], f"adaptation.estimator={inline(by.name)}")
-        return self._scenario(flight, [], {TOLD: "adaptation.oracle=true", FIXED: "adaptation.enabled=false"}[by])
+        return self._scenario(flight, [], {TRUE_K: "adaptation.oracle=true", FIXED: "adaptation.enabled=false"}[by])
+
+    def failed_at_s(self, flight: Flight) -> float:
+        """Return the time of the first failure of a flight, s."""
+        return min(failure.at_s for failure in self.corrected(flight, TRUE_K).failures)
 
     def why_not(self, flight: Flight, entrant: Entrant) -> str | None:
-        """Return why an estimator cannot serve in a flight, in the words in which it is refused; None if it can."""
+        """Return the error that refuses an estimator in a flight; None if it can fly."""
         try:
             assemble(plan(self.corrected(flight, entrant)))
         except FlightbedError as refused:

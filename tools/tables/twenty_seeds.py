@@ -1,6 +1,6 @@
 """The table of the README: each flight over 20 seeds, medians and 5-95 % ranges.
 
-python benchmarks/twenty_seeds.py [--seeds 20]
+python tools/tables/twenty_seeds.py [--seeds 20]
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Callable
 
 import numpy as np
-from measuring import likely
+from cells import likely
 
 from flightbed.flight_result import Result
 from flightbed.metrics import EstimatorMetrics, Metrics

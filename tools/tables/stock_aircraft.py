@@ -1,6 +1,6 @@
 """Trim and linearize every aircraft that ships with JSBSim at one sensible condition; write docs/stock-aircraft.md.
 
-    python benchmarks/stock_aircraft.py [NAME ...]
+    python tools/tables/stock_aircraft.py [NAME ...]
 
 Each in a process of its own: some of JSBSim's models bring the process down.
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from flightbed.plant.jsbsim import stock_names, version
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "stock-aircraft.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "stock-aircraft.md"
 # Calibrated airspeed, kt, and altitude, ft.
 CONDITIONS = {
     "737": (280, 20000), "787-8": (280, 30000), "A320": (280, 20000), "A4": (300, 15000), "B17": (150, 10000),
@@ -84,7 +84,7 @@ def main(names: list[str]) -> None:
     PAGE.write_text(
         f"""# JSBSim's own aircraft
 
-Every aircraft in the jsbsim {version()} package, once, at the condition named (`python benchmarks/stock_aircraft.py` writes this
+Every aircraft in the jsbsim {version()} package, once, at the condition named (`python tools/tables/stock_aircraft.py` writes this
 page): as it is, its own control system inside, gear up where it can be, flaps up, mixture and propeller levers fully
 forward, no wind, level flight (a glide without an engine). {len(good)} of {len(lines)} trim and linearize.
 

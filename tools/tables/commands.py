@@ -1,6 +1,6 @@
 """The tables of docs/commands.md: what the commands are, what the search for phases gains, what dither shows.
 
-python benchmarks/commands.py [--seeds 20]
+python tools/tables/commands.py [--seeds 20]
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
-from measuring import likely
+from cells import likely
 
 from flightbed import registry
 from flightbed.command.base import Vector, energy, profile, relative_peak_factor

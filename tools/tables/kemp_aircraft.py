@@ -1,6 +1,6 @@
 """Kemp's chapter 6 on JSBSim's F-16: adaptive against scheduled, flutter and its remedies, elevator losses, accelerometer noise, time.
 
-    python benchmarks/kemp_aircraft.py [--runs 20] [--workers N] [--only PART ...]
+    python tools/tables/kemp_aircraft.py [--runs 20] [--workers N] [--only PART ...]
 
 1. Cases 1 to 3 of the thesis, the latter also behind a prefilter and with commands that come a tick late: overshoot, undershoot, what the
    c.g. shift does, flutter, use of the elevator's rate. The seeds vary the sensors' noise.

@@ -1,6 +1,6 @@
 """Makes the pictures of the README: a flight and a comparison in the viewer, and the report of the flight in a browser.
 
-    python docs/pictures.py
+    python tools/pictures.py
 
 The viewer needs a Vulkan driver (in software: mesa-vulkan-drivers), the report Chromium.
 """
@@ -17,7 +17,7 @@ from flightbed.comparison_report import comparison_report
 from flightbed.folder import recording_of, write_comparison
 from flightbed.telemetry import viewer
 
-HERE = Path(__file__).parent
+DOCS = Path(__file__).resolve().parents[1] / "docs"
 NAMES = ("nominal", "elevator-loss", "elevator-loss-fixed")
 
 
@@ -26,14 +26,14 @@ def main() -> None:
         folders = {name: run(load_scenario(name), Path(scratch) / name).folder or Path(scratch) for name in NAMES}
         runs = comparison.load_runs(list(folders.values()))
         compared = write_comparison(runs, comparison_report(runs), Path(scratch) / "compared", replace=False)
-        viewer.picture(recording_of(folders["elevator-loss"]), HERE / "viewer.png", at_s=7.0)
-        viewer.picture(recording_of(compared), HERE / "comparison.png", at_s=6.6)
+        viewer.picture(recording_of(folders["elevator-loss"]), DOCS / "viewer.png", at_s=7.0)
+        viewer.picture(recording_of(compared), DOCS / "comparison.png", at_s=6.6)
         browser = shutil.which("chromium") or shutil.which("google-chrome")
         if browser is None:
-            raise SystemExit("docs/pictures.py: no Chromium for the picture of the report; install chromium")
+            raise SystemExit("tools/pictures.py: no Chromium for the picture of the report; install chromium")
         page = (folders["elevator-loss"] / "report.html").as_uri()
         options = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1100,1500"]
-        target = f"--screenshot={HERE / 'report.png'}"
+        target = f"--screenshot={DOCS / 'report.png'}"
         subprocess.run([browser, *options, target, page], check=True, capture_output=True)
 
 

@@ -1,6 +1,6 @@
 """Draw docs/effectiveness.png from our own flights: the rivals, the tracking, level flight, and sigma beside the bound.
 
-python benchmarks/effectiveness_picture.py [FILE]
+python tools/tables/effectiveness_picture.py [FILE]
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ COLORS = {"scheduled": "#0072b2", "absolute": "#e69f00", "thesis": "#d55e00", "b
 
 def main() -> None:
     """Fly and draw."""
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "effectiveness.png"
+    target = (
+        Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parents[2] / "docs" / "effectiveness.png"
+    )
     rivals = run(scenario(job(rivals=tuple(RIVALS)))).trace
     fixed, oracle = (run(scenario(job(adapt=adapt))).trace for adapt in (False, "oracle"))
     level = run(scenario(job(rivals=("scheduled", "thesis"), set=("command.kind=none",)))).trace

@@ -1,4 +1,4 @@
-"""The estimators that are compared, a row each: their settings, and what they take for granted."""
+"""The estimators that are compared, one row each: settings and assumptions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-TOLD = "told K"  # not an estimator: the scenario tells the law the true K
+TRUE_K = "true K"  # no estimator: the law divides by the true K
 FIXED = "not corrected"
 HEALTHY = "nothing fails"
 
@@ -17,12 +17,12 @@ class Entrant:
     """An estimator as it is flown.
 
     Attributes:
-        name: what it is called in the scenarios and in the tables.
-        settings: of its ``[[estimators]]`` but for the name; all others are at their defaults.
-        known: what it takes for known.
-        unknown: what it finds.
-        noise: how it takes noise and disturbances.
-        alarm: what its alarms are about; "" for none.
+        name: its name in the scenarios and in the tables.
+        settings: keys of its ``[[estimators]]`` table without the name; all other keys have their defaults.
+        known: quantities that it assumes.
+        unknown: quantities that it estimates.
+        noise: its model of noise and disturbances.
+        alarm: meaning of its alarms; "" for an estimator without a test, ``UNDECLARED`` where only flights can show whether it has one.
 
     """
 
@@ -34,12 +34,13 @@ class Entrant:
     alarm: str = ""
 
     def table(self) -> dict[str, Any]:
-        """Return its ``[[estimators]]``."""
+        """Return its ``[[estimators]]`` table."""
         return {"name": self.name, **self.settings}
 
 
 CHANGED = "K has changed"
 UNEXPLAINED = "no K explains it"
+UNDECLARED = "alarms, if any"  # of code outside flightbed; ``measures`` replaces it by CHANGED or ""
 _SENSORS = "white noise of known size on alpha and q"
 
 ENTRANTS: tuple[Entrant, ...] = (

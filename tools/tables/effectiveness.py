@@ -1,7 +1,7 @@
 """How well effectiveness is estimated on the nonlinear aircraft: every table of docs/effectiveness.md.
 
-    python benchmarks/effectiveness.py                       # all sections, 20 seeds, 200 random failures
-    python benchmarks/effectiveness.py --seeds 3 conditions  # some, smaller
+    python tools/tables/effectiveness.py                       # all sections, 20 seeds, 200 random failures
+    python tools/tables/effectiveness.py --seeds 3 conditions  # some, smaller
 
 A cell is the median over the seeds, and in brackets the 5th and 95th percentile.
 """

@@ -1,33 +1,31 @@
-"""Fly the set: from the traces of many flights to a number a flight, and to the counts that the tables show."""
+"""Traces of many flights -> one number per flight, and the counts of the tables."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.ensemble import Flown, Job, fly_jobs
+from flightbed.ensemble import Flown
 from flightbed.metrics import BAND, SETTLING_S
+from flightbed.studies.estimators.comparison import CORRECTED, COST, TOGETHER, Comparison, Key, Unfit
+from flightbed.studies.estimators.comparison import HEALTHY as WITHOUT_FAILURE
+from flightbed.studies.estimators.entrants import CHANGED, FIXED, HEALTHY, TRUE_K, UNDECLARED, Entrant
+from flightbed.studies.estimators.flights import Flight
 from flightbed.trace import true_share
 
-from .entrants import FIXED, HEALTHY, TOLD, Entrant
-from .flights import Course, Flight
-
 Vector = npt.NDArray[np.float64]
-Values = list[
-    float | None
-]  # one a flight, in the order of the seeds; infinite: never; None: the flight was over before
+Values = list[float | None]  # one per flight, in the order of the seeds; infinite: never; None: the flight ended before
 
-_TRACKING = ("t_s", "q_deg_s", "q_ref_deg_s")
 SETTLED_S = 1.0  # from the failure; errors of K count from then on
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """What one estimator made of one flight of the set, a value each time that it was flown.
+    """Estimates of one estimator in one flight of the set, one value per run.
 
     Attributes:
         rms: RMS of K-hat - K from ``SETTLED_S`` after the failure.
@@ -45,7 +43,7 @@ class Estimates:
 
 @dataclass(frozen=True)
 class Corrected:
-    """How flights went that an estimator corrected: RMS of q - q_ref, deg/s, and when they departed (None: did not)."""
+    """Flights that one estimator corrected: RMS of q - q_ref, deg/s, and time of departure, s (None: no departure)."""
 
     tracking_deg_s: Values
     lost_s: Values
@@ -53,7 +51,7 @@ class Corrected:
 
 @dataclass(frozen=True)
 class Healthy:
-    """Flights without a failure: their number, flight time, and in how many of them each estimator with a test raised an alarm."""
+    """Flights without a failure: number, flight time, and number of flights with an alarm of each estimator that has a test."""
 
     runs: int
     hours: float
@@ -62,17 +60,17 @@ class Healthy:
 
 @dataclass(frozen=True)
 class Results:
-    """All that was flown.
+    """Measured values of all flights.
 
     Attributes:
         runs: of each flight, with seeds 0, 1, ...
         flights, entrants: the set.
-        cost_us: of each estimator what an update takes, one value a round.
-        estimates: (flight, estimator) -> how well it estimated.
-        corrected: (flight, estimator, ``TOLD``, ``FIXED`` or ``HEALTHY``) -> how well the aircraft flew.
-        healthy: name of a flight without its failure -> what was flown of it.
+        cost_us: estimator -> processor time of an update, us, one value per round; empty if none was taken.
+        estimates: (flight, estimator) -> errors, delays, alarms.
+        corrected: (flight, estimator, ``TRUE_K``, ``FIXED`` or ``HEALTHY``) -> tracking and losses.
+        healthy: name of a flight without its failure -> alarms.
         steady: flights in which K stays 1.
-        unfit: (flight, estimator) -> why it cannot serve there.
+        unfit: (flight, estimator) -> the error that refuses it there.
 
     """
 
@@ -88,7 +86,7 @@ class Results:
 
     @property
     def tested(self) -> frozenset[str]:
-        """Return the estimators that raise alarms."""
+        """Return the estimators that have a test."""
         return frozenset(name for (_, name), found in self.estimates.items() if found.alarm_s is not None)
 
 
@@ -108,7 +106,7 @@ def settled_after(t_s: Vector, error: Vector, band: Vector, since_s: float) -> f
 
 
 def estimated(flown: Sequence[Flown], name: str, *, tests: bool) -> Estimates:
-    """Return what one of the estimators of some flights made of them."""
+    """Return errors, delays and alarms of one of the estimators of some flights; ``tests``: whether it has a test."""
     rms: Values = []
     final: Values = []
     settled: Values = []
@@ -127,66 +125,60 @@ def estimated(flown: Sequence[Flown], name: str, *, tests: bool) -> Estimates:
 
 
 def corrected(flown: Sequence[Flown]) -> Corrected:
-    """Return how the flights went; what was lost has no tracking error."""
+    """Return tracking and losses; a flight that departed has no tracking error."""
     metrics = [flight.metrics for flight in flown]
     tracking = [None if m.departed else m.tracking_rms_post_deg_s for m in metrics]
     return Corrected(tracking, [m.departed_at_s for m in metrics])
 
 
-def fly_set(
-    flights: Sequence[Flight],
-    entrants: Sequence[Entrant],
-    cost_us: Mapping[str, Sequence[float]],
-    *,
-    runs: int,
-    course: Course | None = None,
-    executor: Executor | None = None,
-    say: Callable[[str], object] = lambda _: None,
-) -> Results:
-    """Fly all flights: with all estimators in parallel, with each of them correcting the law, with none, and without the failure."""
-    course = course or Course()
+def measured(compared: Comparison, runs: int, unfit: Unfit, found: Mapping[Key, Sequence[Any]]) -> Results:
+    """Return the measured values of all flights.
+
+    Args:
+        compared: estimators and flights.
+        runs: flights of each kind.
+        unfit: (flight, estimator) -> the error that refuses it there.
+        found: key of each of ``compared.jobs`` -> its flights, or the results of its trials.
+
+    """
+    compared = replace(compared, entrants=tuple(_declared(e, found) for e in compared.entrants))
     estimates: dict[tuple[str, str], Estimates] = {}
     flew: dict[tuple[str, str], Corrected] = {}
     healthy: dict[str, Healthy] = {}
-    unfit: dict[tuple[str, str], str] = {}
     steady = set()
-    twins: dict[str, list[Flown]] = {}
-    for flight in flights:
-        refused = {e.name: course.why_not(flight, e) for e in entrants}
-        unfit |= {(flight.name, name): why for name, why in refused.items() if why is not None}
-        fit = [e for e in entrants if refused[e.name] is None]
-        together = course.together(flight, fit)
-        tested = [e for e in fit if e.alarm]
-        kept = (
-            "t_s",
-            true_share(""),
-            *(f"{e.name}.{c}" for e in fit for c in ("effectiveness", "effectiveness_smoothed")),
-        )
-        jobs = [Job(together, runs, kept), Job(course.corrected(flight, FIXED), runs)]
-        jobs += [Job(course.corrected(flight, e), runs) for e in fit]
-        new = flight.without not in twins
-        jobs += [Job(course.healthy(flight, tested), runs, _TRACKING)] if new else []
-        shared, fixed, *others = fly_jobs(jobs, executor=executor)
+    for flight in compared.flights:
+        fit = compared.fit(flight, unfit)
+        shared, twins = found[TOGETHER, flight.name], found[WITHOUT_FAILURE, flight.without]
         if all(np.all(flown.columns[true_share("")] == 1.0) for flown in shared):
             steady.add(flight.name)
         for entrant in fit:
-            estimates[flight.name, entrant.name] = estimated(shared, entrant.name, tests=entrant in tested)
-        flew[flight.name, TOLD], flew[flight.name, FIXED] = corrected(shared), corrected(fixed)
-        flew |= {(flight.name, e.name): corrected(flown) for e, flown in zip(fit, others[: len(fit)], strict=True)}
-        if new:  # flown with those that raise alarms alone: of the others it tells nothing
-            twins[flight.without] = others[-1]
-            healthy[flight.without] = _without_failure(others[-1], [e.name for e in tested])
-        flew[flight.name, HEALTHY] = _undisturbed(
-            twins[flight.without], min(f.at_s for f in together.failures) + SETTLING_S
-        )
-        say(f"{flight.name}: {runs * len(jobs)} flights")
+            estimates[flight.name, entrant.name] = estimated(shared, entrant.name, tests=bool(entrant.alarm))
+        flew[flight.name, TRUE_K] = corrected(shared)
+        for name in (FIXED, *(e.name for e in fit)):
+            flew[flight.name, name] = corrected(found[CORRECTED, flight.name, name])
+        if flight.without not in healthy:
+            healthy[flight.without] = _without_failure(twins, [e.name for e in compared.tested(flight, unfit)])
+        flew[flight.name, HEALTHY] = _undisturbed(twins, compared.course.failed_at_s(flight) + SETTLING_S)
+    rounds: Sequence[Mapping[str, float]] = found.get((COST,), ())
+    cost_us = {e.name: [one[e.name] for one in rounds if e.name in one] for e in compared.entrants}
     return Results(
-        runs, tuple(flights), tuple(entrants), cost_us, estimates, flew, healthy, frozenset(steady), unfit
+        runs, compared.flights, compared.entrants, {name: us for name, us in cost_us.items() if us},
+        estimates, flew, healthy, frozenset(steady), unfit,
     )  # fmt: skip
 
 
+def _declared(entrant: Entrant, found: Mapping[Key, Sequence[Any]]) -> Entrant:
+    """Return an estimator of which flights showed whether it has a test: it raised an alarm in one of them, or in none."""
+    if entrant.alarm != UNDECLARED:
+        return entrant
+    flights = [flown for key, each in found.items() if key[0] in (TOGETHER, WITHOUT_FAILURE) for flown in each]
+    told = [flown.metrics.estimators[entrant.name] for flown in flights if entrant.name in flown.metrics.estimators]
+    raised = any(m.false_alarms > 0 or m.detected_at_s is not None for m in told)
+    return replace(entrant, alarm=CHANGED if raised else "")
+
+
 def _without_failure(flown: Sequence[Flown], tested: Sequence[str]) -> Healthy:
-    """Count alarms; such a flight that departs would be no flight without a failure."""
+    """Count alarms. Raises ValueError if a flight departed."""
     if any(flight.metrics.departed for flight in flown):
         raise ValueError("a flight without a failure departed")
     alarmed = {name: sum(flight.metrics.estimators[name].false_alarms > 0 for flight in flown) for name in tested}
@@ -194,7 +186,7 @@ def _without_failure(flown: Sequence[Flown], tested: Sequence[str]) -> Healthy:
 
 
 def _undisturbed(flown: Sequence[Flown], since_s: float) -> Corrected:
-    """Return how well flights without a failure track, over the time that counts in those with it."""
+    """Return tracking of flights without a failure, over the time that counts in those with it."""
     errors = [flight.columns["q_deg_s"] - flight.columns["q_ref_deg_s"] for flight in flown]
     tracking = [rms_after(flight.columns["t_s"], error, since_s) for flight, error in zip(flown, errors, strict=True)]
     return Corrected(tracking, [flight.metrics.departed_at_s for flight in flown])

@@ -1,4 +1,4 @@
-"""Which estimator to choose: sentences that follow from the results, and say from which figures."""
+"""Choice of an estimator: sentences that follow from the results, each with its figures."""
 
 from __future__ import annotations
 
@@ -6,20 +6,28 @@ from collections.abc import Callable, Mapping
 from math import inf, nan
 from statistics import median
 
-from flightbed.document import Table
+from flightbed.document import Table, show
 from flightbed.statistics import Interval, median_interval
-
-from .entrants import CHANGED, FIXED, TOLD, UNEXPLAINED
-from .flights import Flight
-from .measures import Results, Values
-from .tables import DASH, centre, changing, lost, lost_of_all, middle, survivable, worst
+from flightbed.studies.estimators.entrants import CHANGED, FIXED, TRUE_K, UNEXPLAINED
+from flightbed.studies.estimators.flights import Flight
+from flightbed.studies.estimators.measures import Results, Values
+from flightbed.studies.estimators.tables import (
+    DASH,
+    centre,
+    changing,
+    lost,
+    lost_of_all,
+    middle,
+    survivable,
+    worst,
+)
 
 
 def not_worse(values: Mapping[str, Values]) -> tuple[str, ...]:
     """Return the name with the least median first, then those that are not worse by 95 % confidence, flight by flight.
 
-    Of each other's difference from the first, on the same seeds, the median has an exact interval (``statistics.median_interval``): one
-    that holds 0 or less is not worse. Nobody whose value never happens in half of the flights is named.
+    The differences from the first are taken on the same seeds; an estimator is not worse if the exact interval of their median
+    (``statistics.median_interval``) reaches 0 or less. Estimators with an infinite median are left out.
     """
     able = {name: centre(v) for name, v in values.items() if centre(v) < inf}
     if not able:
@@ -30,7 +38,7 @@ def not_worse(values: Mapping[str, Values]) -> tuple[str, ...]:
 
 
 def _apart(values: Values, others: Values) -> Interval:
-    """Return the median of the differences, flight by flight, with its interval; infinite both ways if there are none."""
+    """Return the median of the differences, flight by flight, with its interval; from -inf to inf if there are none."""
     pairs = [(a, b) for a, b in zip(values, others, strict=True) if a is not None and b is not None]
     if not pairs:
         return Interval(nan, -inf, inf, 0)
@@ -38,7 +46,7 @@ def _apart(values: Values, others: Values) -> Interval:
 
 
 def by_flight(results: Results) -> Table:
-    """Return who is best in each flight: least error of K, earliest alarm, best tracking of those that lose fewest aircraft."""
+    """Return the best estimators of each flight: least error of K, earliest alarm, best tracking of those that lose fewest aircraft."""
     rows = [
         [
             flight.name,
@@ -51,7 +59,7 @@ def by_flight(results: Results) -> Table:
         for flight in results.flights
     ]
     head = ("flight", "least error of K", "earliest alarm, s", "best tracking of those that lose fewest, deg/s")
-    return Table("choice", "Who is best in which flight", head, rows)
+    return Table("choice", "Best estimators per flight", head, rows)
 
 
 def _of(
@@ -59,15 +67,15 @@ def _of(
 ) -> dict[str, Values]:
     wanted = [e.name for e in results.entrants if alarm in (None, e.alarm)]
     found = {name: results.estimates.get((flight.name, name)) for name in wanted}
-    told = {name: what(one) for name, one in found.items() if one is not None}
-    return {name: values for name, values in told.items() if values is not None}
+    values = {name: what(one) for name, one in found.items() if one is not None}
+    return {name: each for name, each in values.items() if each is not None}
 
 
 def _named(values: Mapping[str, Values], spec: str) -> str:
     names = not_worse(values)
     if not names:
         return DASH
-    first = f"{names[0]} {middle(values[names[0]], spec)}"
+    first = f"{names[0]} {show(middle(values[names[0]], spec), spec)}"
     return first + (f"; not worse: {', '.join(names[1:])}" if names[1:] else "")
 
 
@@ -90,10 +98,10 @@ def _flown(results: Results, flight: Flight) -> str:
 
 
 def reading(results: Results) -> list[str]:
-    """Return what follows, a sentence each, with the figures that it follows from."""
+    """Return the conclusions, one paragraph each, with their figures."""
     return [
         _one_for_all(results),
-        _cheap(results),
+        *_cheap(results),
         *_quiet(results),
         _saved(results),
         *_blind(results),
@@ -104,36 +112,36 @@ def reading(results: Results) -> list[str]:
 def _one_for_all(results: Results) -> str:
     largest = {e.name: worst(results, e.name) for e in results.entrants}
     order = sorted(largest, key=lambda name: largest[name])
-    told = ", ".join(f"{name} {largest[name][0]:.3f} ({largest[name][1]})" for name in order)
+    errors = ", ".join(f"{name} {largest[name][0]:.3f} ({largest[name][1]})" for name in order)
     others = []
     for flight in changing(results) if len(changing(results)) > 1 else ():
         less = {e.name: worst(results, e.name, without=flight.name)[0] for e in results.entrants}
         first = min(less, key=lambda name: less[name])
         if first != order[0]:
             others.append(f"without {flight.name} {first}, {less[first]:.3f}")
-    depends = f" It hangs on the set of flights: {'; '.join(others)}." if others else ""
+    depends = f" It depends on the set of flights: {'; '.join(others)}." if others else ""
     return (
-        f"One for all flights in which K changes: **{order[0]}**, whose error is smallest where it is largest. "
-        f"Largest median RMS errors: {told}.{depends}"
+        f"Best for all flights in which K changes: {order[0]}, with the smallest of the largest errors. "
+        f"Largest median RMS errors: {errors}.{depends}"
     )
 
 
 def _saved(results: Results) -> str:
     names = [e.name for e in results.entrants]
-    told = ", ".join(f"{name} {'{} of {}'.format(*lost_of_all(results, name))}" for name in names)
+    counts = ", ".join(f"{name} {'{} of {}'.format(*lost_of_all(results, name))}" for name in names)
     flights = ", ".join(f.name for f in survivable(results))
-    return f"Aircraft lost over the flights that a law which is told K survives without a loss ({flights}): {told}."
+    return f"Aircraft lost over the flights without a loss under the true K ({flights}): {counts}."
 
 
 def _quiet(results: Results) -> list[str]:
-    """Say who raises no alarm without a failure, which losses of K are missed, and which alarms are about something else."""
+    """Return false alarms, missed losses of K, and alarms about something else."""
     total = sum(flown.runs for flown in results.healthy.values())
     tested = [e.name for e in results.entrants if e.name in results.tested]
     if not tested:
         return []
     counts = {name: sum(flown.alarmed.get(name, 0) for flown in results.healthy.values()) for name in tested}
-    quietest = ", ".join(f"**{name}**" for name, count in counts.items() if count == min(counts.values()))
-    told = ", ".join(f"{name} {count}" for name, count in counts.items())
+    fewest = ", ".join(name for name, count in counts.items() if count == min(counts.values()))
+    each = ", ".join(f"{name} {count}" for name, count in counts.items())
     changed, unexplained = ([e.name for e in results.entrants if e.alarm == about] for about in (CHANGED, UNEXPLAINED))
     raised = _raised(results)
     wrong = [(flight, name, n) for flight, name, n in raised if flight in results.steady and name in changed and n]
@@ -144,10 +152,10 @@ def _quiet(results: Results) -> list[str]:
     ]
     other = [(flight, name, n) for flight, name, n in raised if name in unexplained and n]
     return [
-        f"Where an alarm must not come without a failure: {quietest}. Healthy flights with an alarm, of {total}: {told}.",
+        f"Fewest alarms without a failure: {fewest}. Healthy flights with an alarm, of {total}: {each}.",
         f"No alarm although K changes: {_listed(results, [one for one in missed if one[2]])}. "
-        f"An alarm that K has changed although it stays: {_listed(results, wrong)}.",
-        f"An alarm that no K explains what acts: {_listed(results, other)}.",
+        f"Alarm '{CHANGED}' although K stays 1: {_listed(results, wrong)}.",
+        f"Alarm '{UNEXPLAINED}': {_listed(results, other)}.",
     ]
 
 
@@ -161,63 +169,63 @@ def _raised(results: Results) -> list[tuple[str, str, int]]:
 
 
 def _listed(results: Results, found: list[tuple[str, str, int]]) -> str:
-    return ", ".join(f"{name} in {count} of {results.runs} ({flight})" for flight, name, count in found) or "nowhere"
+    return ", ".join(f"{name} in {count} of {results.runs} ({flight})" for flight, name, count in found) or "none"
 
 
-def _cheap(results: Results) -> str:
-    """Name those of which no other is both cheaper and more accurate."""
-    found = {e.name: (median(results.cost_us[e.name]), worst(results, e.name)[0]) for e in results.entrants}
+def _cheap(results: Results) -> list[str]:
+    """Name those of which no other is both cheaper and more accurate; nothing if no time was taken."""
+    found = {name: (median(us), worst(results, name)[0]) for name, us in results.cost_us.items()}
+    if not found:
+        return []
     beaten = {
         a
         for a in found
         for b in found
         if found[b] != found[a] and all(x <= y for x, y in zip(found[b], found[a], strict=True))
     }
-    told = ", ".join(
-        f"**{name}** {us:.1f} us, {error:.3f}"
+    best = ", ".join(
+        f"{name} {us:.1f} us, {error:.3f}"
         for name, (us, error) in sorted(found.items(), key=lambda item: item[1])
         if name not in beaten
     )
-    return (
-        f"Where time on board is short: no estimator has both a cheaper update and a smaller largest error than {told}."
-    )
+    return [
+        f"Where time on board is short: no estimator has both a cheaper update and a smaller largest error than {best}."
+    ]
 
 
 def _blind(results: Results) -> list[str]:
-    """Say in which of the flights nobody knows K to a tenth, and in which nobody saves the aircraft."""
+    """Name the flights in which no estimator finds K to a tenth, and those that are lost with the true K."""
     least = {
         f.name: min((centre(v) for v in _of(results, f, lambda e: e.rms).values()), default=inf)
         for f in results.flights
     }
     wrong = [f"{name} ({error:.2f})" for name, error in least.items() if error > 0.1]
-    doomed = [f.name for f in results.flights if lost(results.corrected[f.name, TOLD]) == results.runs]
-    said = []
+    doomed = [f.name for f in results.flights if lost(results.corrected[f.name, TRUE_K]) == results.runs]
+    found = []
     if wrong:
-        said.append(
-            f"None of them where the least median error of K exceeds 0.1: {', '.join(wrong)}; what happens there is not in their models."
+        found.append(
+            f"No estimator where the least median error of K exceeds 0.1: {', '.join(wrong)}; their models do not contain this failure."
         )
     if doomed:
-        said.append(
-            f"None of them, for another reason, in {', '.join(doomed)}: the aircraft is lost even if the law is told K."
-        )
-    return said
+        found.append(f"No estimator in {', '.join(doomed)}: the aircraft is lost with the true K, too.")
+    return found
 
 
 def _lucky(results: Results) -> list[str]:
-    """Say where good tracking is no sign of a good estimate: with 95 % confidence somebody tracks better than a law that is told K."""
-    told = []
+    """Name the flights in which, with 95 % confidence, some law tracks better than the law with the true K."""
+    found = []
     for flight in survivable(results):
-        best = results.corrected[flight.name, TOLD].tracking_deg_s
+        best = results.corrected[flight.name, TRUE_K].tracking_deg_s
         flown = {
             name: results.corrected.get((flight.name, name)) for name in (FIXED, *(e.name for e in results.entrants))
         }
         whole = {name: one.tracking_deg_s for name, one in flown.items() if one is not None and not lost(one)}
         better = [name for name, values in whole.items() if _apart(values, best).high < 0.0]
         if better:
-            told.append(f"{flight.name} ({', '.join(better)})")
-    if not told:
+            found.append(f"{flight.name} ({', '.join(better)})")
+    if not found:
         return []
     return [
-        f"Tracking is no sign of a good estimate in {'; '.join(told)}: those track better than a law that is told K, "
-        "which does what it does on a healthy aircraft and no more."
+        f"Good tracking does not show a good estimate in {'; '.join(found)}: these track better than the law with the true K, "
+        "which restores the response of the healthy aircraft and no more."
     ]

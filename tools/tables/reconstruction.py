@@ -1,6 +1,6 @@
 """Reconstructed elevator and gust: how near the truth, K from it, what no K explains, and what noise costs.
 
-    python benchmarks/reconstruction.py [--runs 100] [--workers N] [--only nearness faults healthy noise gusts costs]
+    python tools/tables/reconstruction.py [--runs 100] [--workers N] [--only nearness faults healthy noise gusts costs]
 
 Both methods, retrospective cost and a Kalman filter with the input as a random walk, beside the scheduled filter, which flies the aircraft.
 
@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
-from measuring import likely, spread
+from cells import likely
 
 from flightbed.assembly import assemble
 from flightbed.document import show
@@ -34,6 +34,7 @@ from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
 from flightbed.statistics import median_interval, share
+from flightbed.timing import spread
 
 NAMES = ("retrospective", "random-walk")
 KINDS = ("retrospective-cost", "input-kalman")

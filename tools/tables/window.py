@@ -1,6 +1,6 @@
 """Microseconds per tick of a 30-sample moving window of the joint filter, three ways that give the same numbers.
 
-    python benchmarks/window.py
+    python tools/tables/window.py
 
 bank      30 staggered filters, advanced together by one compiled call per tick (what flightbed flies)
 refilter  one filter, run afresh over the stored window by one compiled call per tick
@@ -16,10 +16,10 @@ from functools import partial
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
-from measuring import interleaved, ratios, seconds, spread
 from numba import njit
 
 from flightbed.estimation import joint, kernels
+from flightbed.timing import interleaved, ratios, seconds, spread
 
 WINDOW, TICKS, ROUNDS = 30, 1000, 7
 A, B = np.array([[0.9912, 0.00942], [0.0203, 0.99]]), np.array([-0.0002, -0.1372])

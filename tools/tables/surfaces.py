@@ -1,6 +1,6 @@
 """Three surfaces, one filter: which surface failed, how well K is found, how often the test cries wolf, and against the scheduled filter.
 
-    python benchmarks/surfaces.py [--runs 5] [--workers N]
+    python tools/tables/surfaces.py [--runs 5] [--workers N]
 
 1. Confusion: flights of `aileron-loss` with one surface losing its effectiveness (to 0.1 ... 0.7 of it), ``runs`` noise draws each;
    found is the surface whose test raises the first alarm after the failure.
@@ -23,7 +23,6 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
-from side_by_side.cost import costs_us
 
 from flightbed.document import show
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
@@ -31,6 +30,7 @@ from flightbed.estimation.bias_test import chi_square_threshold
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
 from flightbed.statistics import median_interval, share
+from flightbed.studies.estimators.cost import costs_us
 
 SURFACES = ("elevator", "aileron", "rudder")
 NAMES = ("two-stage", "two-stage.aileron", "two-stage.rudder")
