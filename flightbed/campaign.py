@@ -15,8 +15,8 @@ from flightbed.campaign_result import Campaign, worst_of
 from flightbed.campaign_table import Row, passes
 from flightbed.engine import Engine, Work, engine, results
 from flightbed.errors import FlightbedError, InputError
+from flightbed.flight_result import fly_scenario
 from flightbed.journal import Journal, journal
-from flightbed.mission import run as fly_one
 from flightbed.programme import Programme, scenario_of, versions
 from flightbed.settings import Scenario
 
@@ -159,5 +159,5 @@ def _judged(programme: Programme, rows: list[Row]) -> list[Row]:
 def _campaign(programme: Programme, rows: list[Row], histories: Histories, began: float) -> Campaign:
     rows = _judged(programme, rows)
     index, reason = worst_of(rows)
-    worst = None if index < 0 else fly_one(scenario_of(programme.raw, programme.flight(index)))
+    worst = None if index < 0 else fly_scenario(scenario_of(programme.raw, programme.flight(index)))
     return Campaign(programme, rows, histories.ensembles, worst, index, reason, time.perf_counter() - began)

@@ -9,10 +9,10 @@ import tomli_w
 
 from flightbed.campaign_result import Campaign
 from flightbed.campaign_table import Row, write_table
+from flightbed.flight_result import fly_scenario
 from flightbed.folder import to_json
 from flightbed.histories_file import write_histories
 from flightbed.journal import Journal
-from flightbed.mission import run as fly_one
 from flightbed.programme import Programme, scenario_of
 
 
@@ -63,7 +63,7 @@ def _put_traces(campaign: Campaign, book: Journal) -> None:
     for index in settings.traces.indices:
         if index not in failed:
             scenario = scenario_of(campaign.programme.raw, campaign.programme.flight(index))
-            book.put(f"traces/flight-{index}.parquet", fly_one(scenario).trace.write)
+            book.put(f"traces/flight-{index}.parquet", fly_scenario(scenario).trace.write)
 
 
 def _write(path: Path, text: str) -> None:

@@ -173,13 +173,15 @@ def compare(
         json: Print what comparison.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
-    from flightbed import comparison, folder
+    from flightbed import comparison
+    from flightbed.comparison_folder import COMPARISON, write_comparison
     from flightbed.comparison_report import comparison_report
+    from flightbed.folder import check_target
 
     read = comparison.load_runs(runs)
     place = out if out is not None else Path("comparisons") / comparison.short_name(read)
-    target = folder.check_target(place, folder.COMPARISON, replace=out is not None)
-    written = folder.write_comparison(read, comparison_report(read), target, replace=out is not None)
+    target = check_target(place, COMPARISON, replace=out is not None)
+    written = write_comparison(read, comparison_report(read), target, replace=out is not None)
     if json:
         print(json_module.dumps({**comparison.to_dict(read), "folder": str(written)}, indent=2))
     else:
@@ -361,23 +363,25 @@ def reproduce(
         json: Print what results.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
-    from flightbed import ensemble, folder, registry
+    from flightbed import ensemble, registry
     from flightbed.extension import using
+    from flightbed.folder import check_target
     from flightbed.screen import progress_bar, study_lines
     from flightbed.studies.base import reproduce as recompute
     from flightbed.studies.base import with_own
+    from flightbed.studies.folder import STUDY, write_study
 
     chosen = registry.factory("studies", study)()
     for option, value in (("--runs", runs), ("--workers", workers)):
         if value is not None and value < 1:
             raise InputError(f"{option}: must be at least 1 (got {value})")
     place = out if out is not None else Path("studies") / study
-    target = folder.check_target(place, folder.STUDY, replace=out is not None)
+    target = check_target(place, STUDY, replace=out is not None)
     with using(*(use or ())):
         chosen = with_own(chosen, use or (), settings or ())
         with progress_bar() as progress, ensemble.processes(workers) as executor:
             document = recompute(chosen, runs or chosen.runs, executor=executor, progress=progress)
-    written = folder.write_study(document, target, replace=out is not None)
+    written = write_study(document, target, replace=out is not None)
     if json:
         print(json_module.dumps({**document.to_dict(), "folder": str(written)}, indent=2))
     else:

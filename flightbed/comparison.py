@@ -18,7 +18,6 @@ from flightbed.card import outcome
 from flightbed.consistency import idle_keys
 from flightbed.document import Cell, Table
 from flightbed.errors import FlightbedError, OutputError
-from flightbed.folder import folder_of
 from flightbed.metrics import SETTLING_S, EstimatorMetrics
 from flightbed.naming import estimate_name
 from flightbed.run_summary import RunSummary
@@ -317,3 +316,11 @@ def _minus(these: Mapping[str, Any], those: Mapping[str, Any]) -> dict[str, Any]
 
 def _number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def folder_of(run_folder: str | Path) -> Path:
+    """Return the folder of a run. Raises OutputError for a folder without metrics.json."""
+    folder = Path(run_folder)
+    if not (folder / "metrics.json").is_file():
+        raise OutputError(f"{folder}: not a run's folder (no metrics.json)")
+    return folder

@@ -6,8 +6,9 @@ Nothing here writes a folder, draws, or knows a viewer: samples can be watched t
 from __future__ import annotations
 
 import platform
+import time
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -22,14 +23,14 @@ from flightbed.estimation.base import estimate_names
 from flightbed.excitation import with_excitation
 from flightbed.extension import named_by
 from flightbed.factories import failure_tick
-from flightbed.fused import rows_of
+from flightbed.fused import ready, rows_of
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.loop import Flight
 from flightbed.loop import fly as fly_loop
 from flightbed.margins import lateral_margin
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
 from flightbed.pacing import Clock, paced, punctuality, with_timings
-from flightbed.plan import Plan
+from flightbed.plan import Plan, plan
 from flightbed.run_summary import (
     Ending,
     ExtensionSummary,
@@ -64,6 +65,36 @@ class Result:
     metrics: Metrics
     summary: RunSummary
     folder: Path | None = None
+
+
+def fly_scenario(
+    scenario: Scenario,
+    *,
+    pace: Clock | None = None,
+    watch: Callable[[Plan, Mapping[str, float]], Watch] | None = None,
+) -> Result:
+    """Plan, fly and measure a scenario; writes nothing.
+
+    Args:
+        scenario: the settings of the flight.
+        pace: clock that the ticks keep to; None flies as fast as possible.
+        watch: called before the flight with the plan and the predicted readings of each estimate; returns the function that watches
+            the samples.
+
+    Raises:
+        InputError, NotComputableError: as the parts raise them.
+
+    """
+    planned = plan(scenario)
+    flight = assemble(planned)
+    watched_by = None if watch is None else watch(planned, predicted_readings(flight, scenario))
+    ready()
+    margins = margins_of(planned, flight)
+    began = time.perf_counter()
+    trace = collected(flight, scenario, pace, watched_by)
+    wall_s = time.perf_counter() - began
+    trace, metrics = measured(planned, flight, trace)
+    return Result(planned, trace, metrics, summarize(planned, trace, metrics, margins, wall_s))
 
 
 def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:

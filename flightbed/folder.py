@@ -6,19 +6,18 @@ import errno
 import json
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flightbed.card import run_card
+from flightbed.comparison import folder_of
 from flightbed.errors import OutputError
 from flightbed.event_log import events
 from flightbed.pacing import heap_set_aside
 
 if TYPE_CHECKING:
-    from flightbed.comparison import Run
-    from flightbed.document import Document
     from flightbed.flight_result import Result
     from flightbed.telemetry.shown import Shown
 
@@ -45,8 +44,6 @@ CAMPAIGN = FolderKind(
         }
     ),
 )
-STUDY = FolderKind("study", frozenset({"report.html", "results.json"}))
-COMPARISON = FolderKind("comparison", frozenset({"comparison.rrd", "comparison.json", "report.html"}))
 
 
 def check_target(target: Path, kind: FolderKind, *, replace: bool, scratch: frozenset[str] = frozenset()) -> Path:
@@ -90,32 +87,7 @@ def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replac
         if report:
             (new / "report.html").write_text(_page(result), encoding="utf-8")
 
-    return _write(target, write, replace=replace)
-
-
-def write_study(document: Document, target: Path, *, replace: bool) -> Path:
-    """Write the folder of a study, its page and its numbers; returns its path."""
-    from flightbed.page import render
-
-    def write(new: Path) -> None:
-        (new / "report.html").write_text(render(document), encoding="utf-8")
-        (new / "results.json").write_text(to_json(document.to_dict()), encoding="utf-8")
-
-    return _write(target, write, replace=replace)
-
-
-def write_comparison(runs: Sequence[Run], document: Document, target: Path, *, replace: bool) -> Path:
-    """Write the folder of a comparison, its recording, its page and its numbers; returns its path."""
-    from flightbed.comparison import to_dict
-    from flightbed.page import render
-    from flightbed.telemetry.comparing import write_comparison as record
-
-    def write(new: Path) -> None:
-        (new / "report.html").write_text(render(document), encoding="utf-8")
-        (new / "comparison.json").write_text(to_json(to_dict(runs)), encoding="utf-8")
-        record(new / "comparison.rrd", runs, tables=document.tables())
-
-    return _write(target, write, replace=replace)
+    return write_folder(target, write, replace=replace)
 
 
 def to_json(values: dict[str, Any]) -> str:
@@ -130,7 +102,7 @@ def put_whole(path: Path, write: Callable[[Path], None]) -> None:
     scratch.replace(path)
 
 
-def _write(target: Path, write: Callable[[Path], None], *, replace: bool) -> Path:
+def write_folder(target: Path, write: Callable[[Path], None], *, replace: bool) -> Path:
     """Write a folder atomically: ``write`` fills a temporary folder beside the target, which is then renamed."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -204,14 +176,6 @@ def shown(result: Result) -> Shown:
         departed=result.metrics.departed,
         alarmed=[name for name in measured if result.trace[f"{name}.alarms"].max() > 0.0],
     )
-
-
-def folder_of(run_folder: str | Path) -> Path:
-    """Return the folder of a run. Raises OutputError for a folder without metrics.json."""
-    folder = Path(run_folder)
-    if not (folder / "metrics.json").is_file():
-        raise OutputError(f"{folder}: not a run's folder (no metrics.json)")
-    return folder
 
 
 def recording_of(folder: str | Path) -> Path:

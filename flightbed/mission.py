@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from flightbed.assembly import assemble
 from flightbed.blame import guarded
 from flightbed.extension import named_by
-from flightbed.flight_result import Result, collected, margins_of, measured, predicted_readings, summarize
+from flightbed.flight_result import Result, Watch, fly_scenario
 from flightbed.folder import RUN, check_target, shown, write_run
-from flightbed.fused import ready
 from flightbed.live import Live
 from flightbed.loop import fly as fly_loop
 from flightbed.pacing import Clock
-from flightbed.plan import plan
+from flightbed.plan import Plan, plan
 from flightbed.settings import Scenario
 from flightbed.signals import Sample
 from flightbed.telemetry.shown import Shown
@@ -27,6 +26,12 @@ def fly(scenario: Scenario) -> Iterator[Sample]:
     samples = fly_loop(assemble(plan(scenario)))
     used = named_by(scenario)
     return guarded(samples, scenario.rates.control_hz, used) if used else samples
+
+
+def _watch(live: Live, planned: Plan, readings: Mapping[str, float]) -> Watch:
+    """Show the plan in the viewer; returns the function that shows the samples."""
+    live.start(Shown.of(planned, readings=readings))
+    return live.watched
 
 
 def run(
@@ -60,18 +65,8 @@ def run(
 
     """
     target = None if out is None else check_target(Path(out), RUN, replace=replace)
-    planned = plan(scenario)
-    flight = assemble(planned)
     try:
-        if live is not None:
-            live.start(Shown.of(planned, readings=predicted_readings(flight, scenario)))
-        ready()
-        margins = margins_of(planned, flight)
-        began = time.perf_counter()
-        trace = collected(flight, scenario, pace, None if live is None else live.watched)
-        wall_s = time.perf_counter() - began
-        trace, metrics = measured(planned, flight, trace)
-        result = Result(planned, trace, metrics, summarize(planned, trace, metrics, margins, wall_s))
+        result = fly_scenario(scenario, pace=pace, watch=None if live is None else partial(_watch, live))
         if target is not None:
             result = dataclasses.replace(
                 result, folder=write_run(result, target, rerun=rerun, report=report, replace=replace)

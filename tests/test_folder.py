@@ -10,9 +10,10 @@ import pytest
 
 from flightbed.document import Claim, Document, Section, Table
 from flightbed.errors import OutputError
-from flightbed.folder import RUN, STUDY, check_target, write_study
+from flightbed.folder import RUN, check_target
 from flightbed.page import render
 from flightbed.statistics import Interval
+from flightbed.studies.folder import STUDY, write_study
 
 
 def _document(title: str = "A study", **facts: object) -> Document:

@@ -13,8 +13,9 @@ import tempfile
 from pathlib import Path
 
 from flightbed import comparison, load_scenario, run
+from flightbed.comparison_folder import write_comparison
 from flightbed.comparison_report import comparison_report
-from flightbed.folder import recording_of, write_comparison
+from flightbed.folder import recording_of
 from flightbed.telemetry import viewer
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"

@@ -12,7 +12,7 @@ import numpy as np
 from flightbed import drawing
 from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
-from flightbed.mission import run
+from flightbed.flight_result import fly_scenario
 from flightbed.pacing import Punctuality, WallClock
 from flightbed.scenario import load_scenario
 from flightbed.statistics import share, spread
@@ -125,7 +125,7 @@ def real_time(scenario: str = "elevator-loss", overrides: tuple[str, ...] = ()) 
     """
 
     def build(_flights: Flights) -> Section:
-        flown = run(load_scenario(scenario, overrides), pace=WallClock())
+        flown = fly_scenario(load_scenario(scenario, overrides), pace=WallClock())
         timing = flown.summary.realtime
         assert timing is not None  # the flight is paced
         return Section(

@@ -1,0 +1,25 @@
+"""The folder of a comparison: recording, page and numbers, written atomically."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from flightbed.comparison import Run, to_dict
+from flightbed.document import Document
+from flightbed.folder import FolderKind, to_json, write_folder
+from flightbed.page import render
+from flightbed.telemetry.comparing import write_comparison as record
+
+COMPARISON = FolderKind("comparison", frozenset({"comparison.rrd", "comparison.json", "report.html"}))
+
+
+def write_comparison(runs: Sequence[Run], document: Document, target: Path, *, replace: bool) -> Path:
+    """Write the folder of a comparison, its recording, its page and its numbers; returns its path."""
+
+    def write(new: Path) -> None:
+        (new / "report.html").write_text(render(document), encoding="utf-8")
+        (new / "comparison.json").write_text(to_json(to_dict(runs)), encoding="utf-8")
+        record(new / "comparison.rrd", runs, tables=document.tables())
+
+    return write_folder(target, write, replace=replace)
