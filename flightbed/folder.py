@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flightbed.comparison import Run
     from flightbed.document import Document
     from flightbed.mission import Result
-    from flightbed.telemetry.shown import Shown
+    from flightbed.telemetry.shown import FlightInfo
 
 RUN_FILES = frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"})
 CAMPAIGN_FILES = frozenset(
@@ -171,15 +171,15 @@ def _record(result: Result, path: Path) -> None:
     write_recording(path, result.trace, shown(result))
 
 
-def shown(result: Result) -> Shown:
+def shown(result: Result) -> FlightInfo:
     """Return what the viewer is told of a flight that is over."""
-    from flightbed.telemetry.shown import Shown
+    from flightbed.telemetry.shown import FlightInfo
 
     scenario, summary = result.plan.scenario, result.summary
     happened = events(scenario, result.trace, summary, result.plan.actuators)
     measured = result.metrics.estimators
     readings = {name: m.nis_expected for name, m in measured.items() if m.nis_expected is not None}
-    return Shown.of(result.plan, readings=readings).flown(
+    return FlightInfo.of(result.plan, readings=readings).with_result(
         run_card(scenario, summary),
         happened,
         departed=result.metrics.departed,

@@ -34,7 +34,7 @@ from flightbed.pacing import Clock, paced, punctuality, with_timings
 from flightbed.plan import Plan, plan
 from flightbed.settings import Scenario
 from flightbed.signals import Sample
-from flightbed.telemetry.shown import Shown
+from flightbed.telemetry.shown import FlightInfo
 from flightbed.trace import Trace, collect, from_rows
 from flightbed.units import DEG
 
@@ -99,7 +99,7 @@ def run(
     flight = assemble(planned)
     try:
         if live is not None:
-            live.start(Shown.of(planned, readings=_readings(flight, scenario)))
+            live.start(FlightInfo.of(planned, readings=_readings(flight, scenario)))
         ready()
         margins = _margins(planned, flight)  # of the laws as they are before the flight
         began = time.perf_counter()
@@ -139,7 +139,7 @@ def collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, liv
     if pace is not None:
         samples = paced(samples, control_hz=control_hz, clock=pace, record=timings.extend)
     if live is not None:
-        samples = live.watched(samples)
+        samples = live.forward(samples)
     with watched(control_hz):
         trace = collect(samples, estimators=names, control_hz=control_hz)
     return trace if pace is None else with_timings(trace, timings)
