@@ -98,7 +98,7 @@ def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableT
         for column in table.columns:
             grid.add_column(escape(column), overflow="fold")
         for row in table.rows:
-            grid.add_row(*(escape(cell) for cell in table.shown(row)))
+            grid.add_row(*(escape(cell) for cell in table.cell_texts(row)))
         yield grid
         if table.note:
             yield Padding(Text(table.note, style="dim"), (0, 1))
@@ -177,7 +177,7 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
                 grid.add_column(escape(column), no_wrap=column == "estimator", min_width=words)
             for row in table.rows:
                 medians = [cell.estimate if isinstance(cell, Interval) else cell for cell in row]
-                grid.add_row(*(escape(cell) for cell in table.shown(medians)))
+                grid.add_row(*(escape(cell) for cell in table.cell_texts(medians)))
             yield Padding(grid, (0, 1))
     if campaign.worst is not None:
         yield f"  again: flightbed run {escape(str(written))}/scenario.toml{escape(campaign.override)}"
@@ -198,7 +198,7 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
     for column in table.columns:
         grid.add_column(escape(column), no_wrap=True)
     for row in table.rows:
-        grid.add_row(*(escape(cell) for cell in table.shown(row)))
+        grid.add_row(*(escape(cell) for cell in table.cell_texts(row)))
     yield grid
     yield Padding(Text(table.note, style="dim"), (0, 1))
     told = Table(box=None, show_header=False, padding=(0, 1))
