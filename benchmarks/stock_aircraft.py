@@ -84,19 +84,19 @@ def main(names: list[str]) -> None:
     PAGE.write_text(
         f"""# JSBSim's own aircraft
 
-Every aircraft in the jsbsim {version()} package, once, at the condition named (`python benchmarks/stock_aircraft.py` writes this
-page): as it is, its own control system inside, gear up where it can be, flaps up, mixture and propeller levers fully
-forward, no wind, level flight (a glide without an engine). {len(good)} of {len(lines)} trim and linearize.
+Every aircraft of the jsbsim {version()} package at one condition (`python benchmarks/stock_aircraft.py` writes this page): unchanged,
+with its own control system, gear up if retractable, flaps up, mixture and propeller levers fully forward, no wind, level flight
+(a glide without an engine). {len(good)} of {len(lines)} aircraft can be trimmed and linearized.
 
 ## Trimmed and linearized
 
-Elevator is the normalized command. Roots in rad/s; kinks are derivatives that the aircraft's tables do not have at this point.
+The elevator is a normalized command. Roots are in rad/s; kinks are derivatives that do not exist at this point of the tables.
 
 | aircraft | kt CAS, ft | alpha, deg | elevator | throttle | residual | short period | Dutch roll | roll | spiral | notes |
 |---|---|---|---|---|---|---|---|---|---|---|
 """
         + "\n".join(good)
-        + "\n\n## Not\n\n| aircraft | kt CAS, ft | why |\n|---|---|---|\n"
+        + "\n\n## Failures\n\n| aircraft | kt CAS, ft | reason |\n|---|---|---|\n"
         + "\n".join(bad)
         + "\n"
     )
