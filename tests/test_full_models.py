@@ -168,7 +168,7 @@ def test_stock_aircraft_report_their_control_system(tmp_path: Path) -> None:
     assert printed["trim"]["elevator_deg"] == pytest.approx(
         -1.2, abs=0.3
     )  # position of the surface; the input is a command
-    assert "own, inside" in printed["sources"]["control_system"]
+    assert "own, included" in printed["sources"]["control_system"]
 
 
 def test_steady_and_frozen_engines_differ_where_they_should() -> None:
@@ -228,8 +228,8 @@ def test_the_nearest_feasible_condition_is_one(f16: Aircraft, tmp_path: Path) ->
 def test_every_kind_of_model_validates_against_the_schema(f16: Aircraft) -> None:
     point = linearize_at(f16, LEVEL)
     for part in ("full", "longitudinal", "lateral", "short-period"):
-        told = document(point, part=part, actuator=part != "lateral")
-        jsonschema.validate(json.loads(json.dumps(told)), SCHEMA)
+        model = document(point, part=part, actuator=part != "lateral")
+        jsonschema.validate(json.loads(json.dumps(model)), SCHEMA)
     turning = linearize_at(f16, Query(altitude_ft=20500, mach=0.6, bank_deg=45.0))
     jsonschema.validate(json.loads(json.dumps(document(turning))), SCHEMA)
     broken = document(point)
@@ -273,7 +273,7 @@ def test_the_picture_marks_conditions_without_a_trim(f16: Aircraft) -> None:
         (["linearize", "c172x", "--cas-kt", "100", "--effectiveness", "0.5"], "effectiveness: c172x is a stock aircraft"),
         (["linearize", "c172x", "--cas-kt", "100", "--altitude-ft", "3000", "--actuator"], "--actuator: stock aircraft c172x has no actuator data"),
         (["linearize", "f16", "--mach", "0.7", "--actuator", "--part", "lateral"], "--actuator: adds the actuator of the elevator"),
-        (["linearize", "f16", "--mach", "0.6,0.7", "--part", "lateral"], "--part, --actuator: a sweep's table has one line"),
+        (["linearize", "f16", "--mach", "0.6,0.7", "--part", "lateral"], "--part, --actuator: the table of a sweep has no matrices"),
         (["linearize", "f16", "--mach", "0.7", "--picture", "a.png"], "--picture: needs a sweep with at least two speeds"),
         (["linearize", "f16", "--mach", "0.6,0.7", "--picture", "a.bmp"], "--picture a.bmp: must end in .png, .svg, .pdf"),
         (["trim", "f16", "--mach", "0.7", "--bank-deg", "90"], "--bank-deg: must be between -85 and 85 (got 90)"),

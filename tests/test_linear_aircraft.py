@@ -156,9 +156,9 @@ def test_it_cannot_be_trimmed_or_linearized(
     monkeypatch.setattr("signal.signal", lambda *_: None)
     with pytest.raises(SystemExit) as ended:
         cli.main([arguments[0], "sillence", *arguments[1:]])
-    told = capsys.readouterr()
-    assert (ended.value.code, told.out, len(told.err.splitlines())) == (2, "", 1)
-    assert "sillence/aircraft.toml: kind: must be an overlay (got" in told.err
+    printed = capsys.readouterr()
+    assert (ended.value.code, printed.out, len(printed.err.splitlines())) == (2, "", 1)
+    assert "sillence/aircraft.toml: kind: must be an overlay (got" in printed.err
     assert list(tmp_path.iterdir()) == []
 
 

@@ -245,7 +245,7 @@ def test_the_table_fits_80_columns_and_warns_of_kinks(tmp_path: Path) -> None:
     text = flightbed("linearize", "f16", "--mach", "0.8", cwd=tmp_path).stdout
     assert max(map(len, text.splitlines())) <= 80
     assert "short period, real root" in text
-    assert "warning: on a kink" in text
+    assert "warning: kink, mean slope" in text
     assert "level" not in text
     rated = flightbed("linearize", "f16", "--mach", "0.85", cwd=tmp_path).stdout
     assert "CAP" in rated

@@ -1,4 +1,4 @@
-"""The colours: seen on white and on a viewer's near-black, told apart by the colour-blind."""
+"""The colours: contrast on white and on the viewer's near-black, and distinguishable with colour blindness."""
 
 from __future__ import annotations
 

@@ -238,9 +238,9 @@ def test_damage_acts_exactly_at_its_tick(f16: Aircraft, point: TrimPoint, plant_
     rate = (plant.sense().q_rad_s - healthy.sense().q_rad_s) * 100
     # Damping reduces q by up to M_q dt / 2, half a percent.
     assert rate == pytest.approx(_rates(airframe, point)[1], rel=0.006)
-    told = plant.sense(health)
-    assert (told.effectiveness, told.elevator_force, told.cg_shift_cbar) == health[:3]
-    assert (told.gust_up_m_s, told.elevator_offset_rad) == (0.0, 0.0)
+    truth = plant.sense(health)
+    assert (truth.effectiveness, truth.elevator_force, truth.cg_shift_cbar) == health[:3]
+    assert (truth.gust_up_m_s, truth.elevator_offset_rad) == (0.0, 0.0)
 
 
 def test_a_cg_shift_can_be_taken_back(f16: Aircraft, point: TrimPoint) -> None:
@@ -260,11 +260,11 @@ def test_gusts_do_not_enter_the_trim_and_are_in_the_truth(f16: Aircraft, point: 
     gusts = one_minus_cosine(calm, at_s=0.0, up_m_s=10 * FT, rise_s=0.05, hold_s=1.0)
     plant, still = _plant(f16, point, gusts=gusts), _plant(f16, point)
     assert plant.sense() == still.sense()
-    told = plant._fdm.getter("atmosphere/gust-down-fps")
+    gust_down_fps = plant._fdm.getter("atmosphere/gust-down-fps")
     for k in range(1, 20):
         plant.advance(point.elevator_rad, HEALTHY, HEALTHY)
         assert plant.sense().gust_up_m_s == pytest.approx(gusts(k / 100), abs=1e-12)
-        assert told() * FT == pytest.approx(-gusts(k / 100), abs=1e-12)
+        assert gust_down_fps() * FT == pytest.approx(-gusts(k / 100), abs=1e-12)
 
 
 @pytest.mark.parametrize("mach", [0.6, 0.7, 0.8])

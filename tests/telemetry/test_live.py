@@ -136,9 +136,9 @@ def test_a_viewer_killed_in_flight_stops_nothing_and_is_reported_once(short: Sce
 
 
 def test_without_a_callback_it_warns(short: Scenario) -> None:
-    with pytest.warns(UserWarning, match="does not answer; the flight continues without it") as told:
+    with pytest.warns(UserWarning, match="does not answer; the flight continues without it") as caught:
         run(short, live=Live("127.0.0.2", viewer.free_port()))
-    assert len(told) == 1
+    assert len(caught) == 1
 
 
 def test_no_viewer_and_no_display_is_reported_once(

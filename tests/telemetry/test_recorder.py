@@ -108,20 +108,22 @@ def test_innovations_are_shown_over_their_sigma(flown: Result, recording: Path, 
 
 def test_nothing_numeric_is_in_the_recording_that_is_not_compared_here(recording: Path) -> None:
     """Every new plot must be added to LINES."""
-    told = {
+    entities = {
         c.entity_path for c in RrdReader(recording).stream() if "Scalars:scalars" in c.to_record_batch().schema.names
     }
-    others = {entity for entity in told if "/failure" not in entity and not entity.startswith("/innovation/")}
+    others = {entity for entity in entities if "/failure" not in entity and not entity.startswith("/innovation/")}
     assert others == set(LINES)
 
 
 def test_nothing_numeric_of_roll_and_yaw_is_there_that_is_not_compared_here(turning: Path) -> None:
-    told = {c.entity_path for c in RrdReader(turning).stream() if "Scalars:scalars" in c.to_record_batch().schema.names}
-    others = {entity for entity in told if "/failure" not in entity and not entity.startswith("/innovation/")}
+    entities = {
+        c.entity_path for c in RrdReader(turning).stream() if "Scalars:scalars" in c.to_record_batch().schema.names
+    }
+    others = {entity for entity in entities if "/failure" not in entity and not entity.startswith("/innovation/")}
     assert others == set(ROLL_YAW)
-    assert {e for e in told if e.startswith("/innovation/")} >= {"/innovation/surfaces", "/innovation/pitch"}
+    assert {e for e in entities if e.startswith("/innovation/")} >= {"/innovation/surfaces", "/innovation/pitch"}
     assert not any(
-        "surfaces." in e for e in told if e.startswith(("/innovation/", "/nis/"))
+        "surfaces." in e for e in entities if e.startswith(("/innovation/", "/nis/"))
     )  # one filter, one innovation
 
 
@@ -438,7 +440,7 @@ def _assert_pieces_are_the_whole(
 ) -> None:
     import rerun as rr
 
-    from flightbed.telemetry.streamer import Show
+    from flightbed.telemetry.streamer import LiveRecording
 
     heard = _Heard()
     result = run(scenario, tmp_path / "run", live=heard, report=False)
@@ -446,11 +448,11 @@ def _assert_pieces_are_the_whole(
     stream = rr.RecordingStream("flightbed", recording_id="pieces")
     stream.save(tmp_path / "pieces.rrd")
     with stream:
-        show = Show(before, stream)
+        live = LiveRecording(before, stream)
         sizes = [1, 2, 7, 40, 400, 405, 900, len(heard.rows)]
         for begin, end in zip([0, *sizes], sizes, strict=False):
-            show.add(b"".join(heard.rows[begin:end]))
-        show.result(after)
+            live.add(b"".join(heard.rows[begin:end]))
+        live.finish(after)
         stream.flush()
     stream.disconnect()
     assert result.folder is not None
@@ -531,5 +533,5 @@ def test_a_reconstructed_input_is_plotted_with_its_truth(tmp_path: Path) -> None
         for name in ("retrospective", "random-walk"):
             lines: list[str | float] = [*beside, f"{name}.reconstructed_deg"]
             _assert_reads_back(flown, flown.folder / "flight.rrd", f"/reconstruction/{name}", lines)
-        told = {c.entity_path for c in RrdReader(flown.folder / "flight.rrd").stream()}
-        assert "/reconstruction/scheduled" not in told
+        entities = {c.entity_path for c in RrdReader(flown.folder / "flight.rrd").stream()}
+        assert "/reconstruction/scheduled" not in entities
