@@ -87,7 +87,7 @@ def handing_over() -> None:
     live = Live()  # not started: what is handed over waits in the queue
     ways = {
         "plain": lambda: seconds(lambda: deque(iter(samples), maxlen=0)),
-        "watched": lambda: seconds(lambda: deque(live.watched(iter(samples)), maxlen=0)),
+        "watched": lambda: seconds(lambda: deque(live.forward(iter(samples)), maxlen=0)),
     }
     times = interleaved(ways, 15)
     cost = [1e6 * t / len(samples) for t in differences(times["watched"], times["plain"])]

@@ -1,9 +1,9 @@
-"""Fly the same loss of elevator three ways, adaptive, with the fixed law and without the loss, and plot pitch rate and K.
+"""Fly a loss of elevator effectiveness with the adaptive law, with the fixed law, and without failure; plot pitch rate and K.
 
-Runs as a script, and cell by cell as a notebook in editors that know `# %%`. It needs some seconds, and writes elevator-loss.png.
+Run as a script, or cell by cell in editors that support `# %%`. It takes some seconds and writes elevator-loss.png.
 """
 
-# %% Three scenarios: two that ship with flightbed, and one with its failure taken out
+# %% Three scenarios: two that ship with flightbed, and one without its failure
 import matplotlib.pyplot as plt
 
 import flightbed
@@ -11,7 +11,7 @@ import flightbed
 scenarios = {
     "adaptive": flightbed.load_scenario("elevator-loss"),
     "fixed law": flightbed.load_scenario("elevator-loss-fixed"),
-    "nothing fails": flightbed.load_scenario("elevator-loss", ["failures=[]", "adaptation.enabled=false"]),
+    "no failure": flightbed.load_scenario("elevator-loss", ["failures=[]", "adaptation.enabled=false"]),
 }
 
 # %% Fly them
@@ -24,7 +24,7 @@ for name, flight in flights.items():
     tracking = metrics.tracking_rms_post_deg_s or metrics.tracking_rms_pre_deg_s
     print(f"{name:14} {ended:22} tracking error {tracking:.2f} deg/s RMS")
 
-# %% Plot pitch rate, and what the estimator says of K
+# %% Plot pitch rate and the estimate of K
 adaptive = flights["adaptive"].trace
 figure, (rate, share) = plt.subplots(2, 1, sharex=True, figsize=(9, 6), layout="constrained")
 rate.plot(adaptive["t_s"], adaptive["q_ref_deg_s"], color="black", linewidth=0.8, label="reference")

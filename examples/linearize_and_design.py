@@ -1,6 +1,6 @@
-"""Trim and linearize the F-16, design a pitch-rate law with python-control, and hold it against the built-in design.
+"""Trim and linearize the F-16, design a pitch-rate law with python-control, and compare it with the built-in design.
 
-Runs as a script, and cell by cell as a notebook in editors that know `# %%`.
+Run as a script, or cell by cell in editors that support `# %%`.
 """
 
 # %% Trim at Mach 0.8, 20,000 ft, and linearize
@@ -17,7 +17,7 @@ point = flightbed.trim(airframe)
 model = flightbed.linearize(airframe, point)
 print(f"trim: alpha {point.alpha_rad / DEG:.2f} deg, elevator {point.elevator_rad / DEG:.2f} deg")
 
-# %% The design model: alpha, q and the elevator's position, which follows its command with a lag
+# %% The design model: alpha, q and the elevator position, which follows its command with a first-order lag
 lag = f16.actuator.lag_rad_s
 plant = model.subset("short-period").with_actuator("elevator", lag).to_control()
 print("states:", ", ".join(plant.state_labels))
@@ -28,13 +28,13 @@ weights = np.zeros((3, 3))
 weights[1, 1] = 1.5**2
 k_lqr, _, _ = control.lqr(plant.A, plant.B[:, [0]], weights, np.eye(1))
 
-# %% The built-in design places poles; its gains are added, where control.lqr's are subtracted
+# %% The built-in design places poles; its gains have the opposite sign convention to control.lqr
 design = flightbed.short_period(model, actuator_rad_s=lag)
 placed = design_proportional(design)
 gains = {"LQR": -k_lqr[0], "pole placement": np.array([placed.alpha, placed.q, placed.elevator])}
 
-# %% Close the loop around the whole longitudinal motion, speed and height included, and step the reference.
-# In flight the reference passes a prefilter of 3 rad/s first, which takes most of the peak off.
+# %% Close the loop around the full longitudinal model, including speed and altitude, and apply a step of the reference.
+# In flight the reference passes a prefilter of 3 rad/s, which removes most of the overshoot.
 whole = model.subset("longitudinal").with_actuator("elevator", lag).to_control()
 fed_back = [whole.state_labels.index(name) for name in plant.state_labels]
 command = whole.input_labels.index("elevator_cmd")

@@ -1,9 +1,9 @@
-"""An estimator of your own: write it, check that it keeps the contract, and fly it beside the built-in one.
+"""An estimator of your own: write it, check its contract, and fly it together with the built-in one.
 
-Runs as a script, and cell by cell as a notebook in editors that know `# %%`. docs/extending.md has the rest.
+Run as a script, or cell by cell in editors that support `# %%`. docs/extending.md describes the interface.
 """
 
-# %% The estimator: K by least squares over a window, on how far q is from where the short-period model has it a tick later
+# %% The estimator: K by least squares over a window, from the differences between q and its one-tick prediction
 from collections import deque
 from math import sqrt
 
@@ -12,13 +12,13 @@ from flightbed.testing import check_estimator
 
 
 class WindowLeastSquares:
-    """K = sum(u e) / sum(u u) over the last samples; u is what a whole elevator would add to q in a tick, e what was added."""
+    """K = sum(u e) / sum(u u) over the last samples; u is the change of q in a tick by a healthy elevator, e the measured one."""
 
     def __init__(self, settings, onboard):
         self.design, self.bounds, self.smoothing = onboard.design, settings.bounds, settings.smoothing
         A, b = onboard.design.discrete(onboard.control_hz)
         self.from_alpha, self.from_q, self.from_elevator = float(A[1, 0]), float(A[1, 1]), float(b[1])
-        self.var = 2.0 * onboard.noise.q_rad_s**2  # of a difference of two readings
+        self.var = 2.0 * onboard.noise.q_rad_s**2  # variance of the difference of two readings
         self.window = deque(maxlen=settings.options.get("samples", 30))
         self.before, self.smoothed = None, 1.0
 
@@ -29,7 +29,7 @@ class WindowLeastSquares:
             added = q - expected + self.from_elevator * self.design.elevator_trim_rad
             self.window.append((self.from_elevator * measurement.elevator_mean_rad, added))
         self.before = alpha, q
-        # One more sample says K = 1, with a standard deviation of 0.63: it counts where the window says little.
+        # Prior: K = 1 with a standard deviation of 0.63; it dominates when the window has little information.
         information = 1.0 / 0.63**2 + sum(u * u for u, _ in self.window) / self.var
         raw = (1.0 / 0.63**2 + sum(u * e for u, e in self.window) / self.var) / information
         bounded = min(max(raw, self.bounds[0]), self.bounds[1])
@@ -40,12 +40,12 @@ class WindowLeastSquares:
         )
 
 
-# %% Does it do what every estimator must? Raises an AssertionError with a line for each thing that it does not
+# %% Check the contract of an estimator; raises an AssertionError with one line per violation
 checked = check_estimator(WindowLeastSquares, settings={"model": "short-period"})
-print(f"keeps the contract; {checked.microseconds_per_update:.0f} us per update")
+print(f"contract satisfied; {checked.microseconds_per_update:.0f} us per update")
 print(f"on the exact linear plant, median error {checked.error_at_half:.3f} at K = 0.5")
 
-# %% Fly it on the nonlinear aircraft, beside the built-in one that adapts
+# %% Fly it on the nonlinear aircraft, together with the built-in estimator that the law uses
 sets = ["estimators.1={name='mine', kind='window-ls', model='short-period', options={samples=30}}"]
 with flightbed.using({"window-ls": WindowLeastSquares}):
     result = flightbed.run(flightbed.load_scenario("elevator-loss", sets))

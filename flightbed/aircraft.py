@@ -1,7 +1,7 @@
-"""An aircraft: edits laid over a stock JSBSim model, its actuator, its limits, and the names of its properties.
+"""Overlay aircraft: edits of a stock JSBSim model, actuators, limits, and property names.
 
-The stock file is not part of flightbed (the F-16's is GPL). It is read from the installed jsbsim package, its hash is
-checked, and the edits listed in ``aircraft.toml`` are applied in memory; see ``aircraft/f16/README.md``.
+The stock file is not part of flightbed (the F-16's is GPL). flightbed reads the file from the installed jsbsim package, checks its
+hash and applies the edits of ``aircraft.toml`` in memory; see ``aircraft/f16/README.md``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from string import Template
 from typing import Any
 
 from flightbed import data
-from flightbed.edits import EDITS, EditError, filled
+from flightbed.edits import EDITS, EditError, substitute
 from flightbed.errors import AircraftError, did_you_mean
 from flightbed.units import DEG
 
@@ -52,15 +52,16 @@ class Aircraft:
     """An overlay aircraft, read from a folder.
 
     Attributes:
-        name: its name, also of the patched model.
+        name: name of the aircraft and of the patched model.
+        description: one line.
         stock_file: path of the stock model inside the jsbsim package.
-        stock_sha256: hash that the stock model must have.
-        actuator: the elevator's actuator.
-        limits: bounds for trim.
-        lateral: actuators of aileron and rudder, for an overlay whose roll and yaw channels can be taken over; else empty.
-        properties: harness name -> JSBSim property.
-        edits: the edits, in order.
-        snippets: file name -> text with ``$names`` filled in.
+        stock_sha256: required SHA-256 of the stock model.
+        actuator: actuator of the elevator.
+        limits: bounds of the trim search.
+        lateral: actuators of aileron and rudder; empty if the overlay has no direct roll and yaw commands.
+        properties: flightbed name -> JSBSim property.
+        edits: edits, in order of application.
+        snippets: file name -> XML text with ``$names`` substituted.
 
     """
 
@@ -78,13 +79,13 @@ class Aircraft:
     def patch(self, stock: bytes) -> bytes:
         """Return the stock model with all edits applied.
 
-        Raises AircraftError when the stock model is not the one that the edits were written for.
+        Raises AircraftError if the hash of the stock model differs or an edit does not apply.
         """
         found = hashlib.sha256(stock).hexdigest()
         if found != self.stock_sha256:
             raise AircraftError(
-                f"aircraft {self.name}: {self.stock_file} of the installed jsbsim has sha256 {found[:12]}..., the overlay was "
-                f"written for {self.stock_sha256[:12]}...; install the jsbsim version that flightbed pins"
+                f"aircraft {self.name}: {self.stock_file} of the installed jsbsim: must have sha256 {self.stock_sha256[:12]}... "
+                f"(got {found[:12]}...); install the jsbsim version that flightbed pins"
             )
         root = ET.fromstring(stock)
         root.set("name", f"{root.get('name', self.name)} (flightbed overlay)")
@@ -103,7 +104,7 @@ class Aircraft:
         return hash(self.sha256)
 
     def references(self) -> list[tuple[str, str]]:
-        """Return (file, property) for every property that the snippets refer to."""
+        """Return (file, property) pairs, one for each property reference in the snippets."""
         return [
             (file, word.removeprefix("-"))
             for file, snippet in self.snippets.items()
@@ -115,7 +116,7 @@ class Aircraft:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of everything that defines this aircraft: stock model, edits and numbers."""
+        """SHA-256 of the definition of this aircraft, hexadecimal: stock model, edits and numbers."""
         text = repr(
             (
                 self.name,
@@ -133,9 +134,9 @@ class Aircraft:
 
 
 def load_aircraft(name: str) -> Aircraft:
-    """Read an aircraft by shipped name or folder.
+    """Read an overlay aircraft by shipped name or folder.
 
-    Raises UnknownNameError or AircraftError; the latter also for a linear model (``linear_aircraft.py``).
+    Raises UnknownNameError, or AircraftError for an invalid overlay or a linear model (``linear_aircraft.py``).
     """
     folder = data.find("aircraft", name)
     path = folder / "aircraft.toml"
@@ -143,14 +144,15 @@ def load_aircraft(name: str) -> Aircraft:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
         if raw.get("kind") == "linear":
             raise AircraftError(
-                f"{path}: is a linear model already: it can be flown (flightbed run), not trimmed or linearized"
+                f'{path}: kind: must be an overlay (got "linear"); fly a linear model with flightbed run, '
+                "it cannot be trimmed or linearized"
             )
         _check(raw, path)
         numbers = {name: _in_rad(raw[name]) for name in ("elevator", *_LATERAL) if name in raw}
         fill = {key: repr(value) for key, value in numbers["elevator"].items()}
         fill |= {f"{name}_{key}": repr(v) for name, found in numbers.items() for key, v in found.items()}
         actuators = {name: Actuator(*(found[k] for k in _ACTUATOR)) for name, found in numbers.items()}
-        edits = tuple(filled(edit, fill) for edit in raw["edits"])
+        edits = tuple(substitute(edit, fill) for edit in raw["edits"])
         snippets = {
             edit["with"]: Template((folder / Path(edit["with"]).name).read_text(encoding="utf-8")).substitute(fill)
             for edit in edits
@@ -172,7 +174,9 @@ def load_aircraft(name: str) -> Aircraft:
     except KeyError as error:
         raise AircraftError(f"{path}: {error} is missing") from None
     except FileNotFoundError as error:
-        raise AircraftError(f"{path}: names the file {Path(error.filename).name}, which is not beside it") from None
+        raise AircraftError(
+            f"{path}: refers to the file {Path(error.filename).name}; put it into the same folder"
+        ) from None
     except (OSError, ValueError, TypeError, IndexError, tomllib.TOMLDecodeError) as error:
         raise AircraftError(f"{path}: {error}") from None
 
@@ -181,7 +185,7 @@ _ACTUATOR = ("lag_rad_s", "rate_limit_rad_s", "min_rad", "max_rad")
 
 
 def _in_rad(table: Mapping[str, Any]) -> dict[str, float]:
-    """Return the numbers of an actuator, those in degrees also in radians."""
+    """Return the numbers of an actuator; those in degrees are added in radians."""
     numbers = {key: float(value) for key, value in table.items()}
     return numbers | {key.replace("_deg", "_rad"): value * DEG for key, value in numbers.items() if "_deg" in key}
 
@@ -193,20 +197,20 @@ _KEYS = {
     "limits": {"alpha_deg", "throttle_norm"},
     "properties": {"elevator_cmd_rad", "elevator_rad", "effectiveness", "elevator_force", "throttle_norm"},
 }
-# An overlay may leave these out: then aileron and rudder are the stock control laws'.
+# Optional: without these tables the stock control laws command aileron and rudder.
 _LATERAL = ("aileron", "rudder")
 _LATERAL_PROPERTIES = {
     "lateral_direct",
     *(f"{surface}_{what}" for surface in _LATERAL for what in ("cmd_rad", "rad", "effectiveness")),
 }
-# What failures of the actuator work on; an overlay without them does not have those failures.
+# Optional: properties that actuator failures act on.
 _FAULT_PROPERTIES = {
     f"{surface}_{what}" for surface in ("elevator", *_LATERAL) for what in ("offset_rad", "rate_limit_rad_s", "stuck")
 }
 
 
 def _check(raw: Mapping[str, Any], path: Path) -> None:
-    """Refuse unknown and missing keys, and numbers that no aircraft has."""
+    """Reject unknown and missing keys and numbers out of range. Raises AircraftError."""
     for table, known in _KEYS.items():
         found = raw if not table else raw.get(table, {})
         dot = f"{table}." if table else ""
@@ -236,10 +240,10 @@ def _check(raw: Mapping[str, Any], path: Path) -> None:
         "limits.throttle_norm": limits["throttle_norm"],
     }.items():
         if not low < high:
-            raise AircraftError(f"{path}: {place}: must rise (got {low}, {high})")
+            raise AircraftError(f"{path}: {place}: must be in ascending order (got {low}, {high})")
 
 
 def load_path(name: str) -> str:
-    """Return what names an aircraft from any directory: a shipped name as it is, a folder by its absolute path."""
+    """Return a name that is valid from any directory: a shipped name unchanged, or the absolute path of a folder."""
     folder = data.find("aircraft", name)
     return name if folder.parent == data.shipped("aircraft") else str(folder.resolve())

@@ -238,7 +238,7 @@ def trim(
     """
     from flightbed import sweep
 
-    plane, queries = sweep.asked(aircraft, condition or ConditionOptions())
+    plane, queries = sweep.read_conditions(aircraft, condition or ConditionOptions())
     _deliver(sweep.trim_all(plane, queries, format_, output), output)
 
 
@@ -274,16 +274,16 @@ def linearize(
     """
     from flightbed import sweep
 
-    plane, queries = sweep.asked(aircraft, condition or ConditionOptions())
-    shape = sweep.Shape(part, actuator, control_hz, validate)
-    _deliver(sweep.linearize_all(plane, queries, format_, output, shape, picture), output)
+    plane, queries = sweep.read_conditions(aircraft, condition or ConditionOptions())
+    options = sweep.ModelOptions(part, actuator, control_hz, validate)
+    _deliver(sweep.linearize_all(plane, queries, format_, output, options, picture), output)
 
 
 def _deliver(content: bytes, output: Path | None) -> None:
-    from flightbed.model_files import write_whole
+    from flightbed.model_files import write_atomic
 
     if output is not None:
-        write_whole(output, content)
+        write_atomic(output, content)
         return
     sys.stdout.buffer.write(content)
     sys.stdout.buffer.flush()

@@ -1,4 +1,4 @@
-"""What a report is made of: sections of text, tables, claims, pictures, listings; plain values, to be printed, saved or laid out."""
+"""Content of a report: sections of text, tables, claims, pictures and listings, as plain values for HTML, JSON and terminal."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class Table:
     """A table.
 
     Attributes:
-        key: its name in machine-readable results.
-        title: what it shows.
+        key: name in machine-readable results.
+        title: caption.
         columns: headings, with units.
-        rows: as many cells each.
-        formats: column -> how its numbers are shown; .4g without.
-        note: a remark below it.
+        rows: rows of cells, one cell per column.
+        formats: column -> format of its numbers; default .4g.
+        note: remark below the table.
 
     """
 
@@ -33,21 +33,21 @@ class Table:
     formats: Mapping[str, str] = field(default_factory=dict)
     note: str = ""
 
-    def shown(self, row: Sequence[Cell]) -> list[str]:
+    def cell_texts(self, row: Sequence[Cell]) -> list[str]:
         """Return the cells of a row as text."""
         return [show(cell, self.formats.get(column, ".4g")) for column, cell in zip(self.columns, row, strict=True)]
 
 
 @dataclass(frozen=True)
 class Claim:
-    """Something that a paper argues from, and what the computation says.
+    """A claim of a publication and the result of the computation.
 
     Attributes:
-        key: its name in machine-readable results.
+        key: name in machine-readable results.
         text: the claim.
-        measured: what was computed to decide it.
-        interval: of that.
-        holds: whether the computation agrees, with 95 % confidence; None if these runs do not settle it.
+        measured: description of the computed quantity that decides the claim.
+        interval: estimate and 95 % interval of this quantity.
+        holds: whether the computation agrees, with 95 % confidence; None if these runs do not decide.
 
     """
 
@@ -63,11 +63,11 @@ class Picture:
     """A figure.
 
     Attributes:
-        key: its name; of a published figure its number.
-        title: what it shows.
+        key: name, or the number of a published figure.
+        title: title of the figure.
         svg: the drawing.
-        parameters: what was flown, in words.
-        facts: numbers computed from what is drawn.
+        parameters: description of the flights and lines.
+        facts: numbers computed from the plotted data, in words.
 
     """
 
@@ -80,7 +80,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Listing:
-    """Text that is shown as it is, line by line: a file, commands."""
+    """Preformatted text: a file, commands."""
 
     title: str
     text: str
@@ -91,7 +91,7 @@ Item = Table | Claim | Picture | Listing
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, paragraphs, and what belongs to it."""
+    """A heading with paragraphs and items."""
 
     heading: str
     text: Sequence[str] = ()
@@ -100,13 +100,13 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """A whole report.
+    """A complete report.
 
     Attributes:
-        title: what it is about.
-        sections: its parts, in order.
-        facts: values about it as a whole: versions, settings, time.
-        lead: what a reader should see first, before the contents; its heading is not shown.
+        title: title of the report.
+        sections: sections, in order.
+        facts: values that apply to the report as a whole: versions, settings, time.
+        lead: summary before the table of contents; its heading is not printed.
 
     """
 
@@ -132,7 +132,7 @@ class Document:
             yield from section.items
 
     def to_dict(self) -> dict[str, Any]:
-        """Return nested plain values, ready for JSON: every number; no drawing and no listing."""
+        """Return nested plain values for JSON: all numbers, without drawings and listings."""
         return {
             **self.facts,
             "tables": {
@@ -150,9 +150,9 @@ class Document:
 
 
 def show(cell: Cell, spec: str = ".4g") -> str:
-    """Return a cell as text: median [5 %, 95 %] of a spread, estimate (95 % interval) of an interval, - for nothing.
+    """Return a cell as text: median [5 %, 95 %] of a spread, estimate (95 % interval) of an interval, "-" for None or nan.
 
-    Of an outcome: the spread over the flights that stayed, and how many went when.
+    For an outcome: the spread over the flights without a departure, and the number and times of departures.
     """
     if cell is None or (isinstance(cell, float) and cell != cell):
         return "-"
@@ -174,7 +174,7 @@ def show(cell: Cell, spec: str = ".4g") -> str:
 
 
 def _plain(cell: Cell) -> Any:
-    """Return a cell for JSON, which has neither nan nor infinity: both are null."""
+    """Return a cell for JSON; nan and infinity become null."""
     if isinstance(cell, Spread | Interval | Outcome):
         return {k: _plain(v) for k, v in vars(cell).items()}
     return None if isinstance(cell, float) and not isfinite(cell) else cell

@@ -1,4 +1,4 @@
-"""Trim points and linear models -> plain values: what JSON says, and one line of a sweep's table."""
+"""Trim points and linear models -> plain values: the JSON document, and one row of a sweep's table."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from flightbed.validate import validate
 
 
 def trim_document(query: Query, airframe: JsbsimAirframe, point: TrimPoint) -> dict[str, Any]:
-    """Return a trim point as plain values, as ``trim --format json`` prints it."""
+    """Return a trim point as plain values, the output of ``trim --format json``."""
     motion = point.motion
     position = airframe.elevator_position_rad(motion, point.controls)
     trim = {
         "alpha_deg": point.alpha_rad / DEG,
-        "elevator_deg": None if position is None else position / DEG,  # as JSBSim tells it
+        "elevator_deg": None if position is None else position / DEG,  # as reported by JSBSim
         "throttle_norm": point.throttle_norm if airframe.powered else None,
         "theta_deg": point.theta_rad / DEG,
         "residual": point.residual,
@@ -56,33 +56,29 @@ def trim_document(query: Query, airframe: JsbsimAirframe, point: TrimPoint) -> d
     }
 
 
-def chosen(point: Point, *, part: str = "full", actuator: bool = False) -> LinearModel:
-    """Return the part of the model that was asked for, with the elevator's actuator as a state or not. Raises InputError."""
+def select_model(point: Point, *, part: str = "full", actuator: bool = False) -> LinearModel:
+    """Return the requested part of the model, with the elevator's actuator as a state if ``actuator``. Raises InputError."""
     model = point.model if part == "full" else point.model.subset(part)
     if not actuator:
         return model
     aircraft = point.airframe.aircraft
     if not isinstance(aircraft, Aircraft):
-        raise InputError(f"--actuator: {aircraft.name} has no overlay that describes its elevator's actuator")
+        raise InputError(f"--actuator: stock aircraft {aircraft.name} has no actuator data; use an overlay aircraft")
     if part == "lateral":
-        raise InputError(
-            "--actuator: the elevator is not an input of the lateral model; overlays describe no other actuator"
-        )
+        raise InputError("--actuator: adds the actuator of the elevator, which is no input of the lateral model")
     return model.with_actuator("elevator", aircraft.actuator.lag_rad_s)
 
 
 def document(
     point: Point, *, control_hz: float = 100.0, validated: bool = False, part: str = "full", actuator: bool = False
 ) -> dict[str, Any]:
-    """Return a linear model as plain values, as ``linearize --format json`` prints it; SI and radians but for ``trim``."""
-    model, design, qualities = chosen(point, part=part, actuator=actuator), point.design, point.qualities
+    """Return a linear model as plain values, the output of ``linearize --format json``; SI and radians except in ``trim``."""
+    model, design, qualities = select_model(point, part=part, actuator=actuator), point.design, point.qualities
     held = zero_order_hold(model.A, model.B, 1.0 / control_hz)
     inputs = [name for name, _ in model.inputs]
     sources = {k: v for k, v in point.airframe.notes.items() if k in (*inputs, "engine", "control_system", "absent")}
     if actuator:
-        sources["elevator_cmd"] = (
-            "command; the actuator's first-order lag is a state, its rate limit is not in the model"
-        )
+        sources["elevator_cmd"] = "command; the actuator's first-order lag is a state, the model has no rate limit"
     return {
         **({"validation": [asdict(r) for r in validate(point.airframe, point.model)]} if validated else {}),
         **trim_document(point.query, point.airframe, point.trim),
@@ -128,7 +124,7 @@ def document(
 
 
 def row(point: Point) -> dict[str, Any]:
-    """Return one line of a sweep's table, units in the names."""
+    """Return one row of a sweep's table; the keys contain the units."""
     model, design, trimmed = point.model, point.design, point.trim
     trim = trim_document(point.query, point.airframe, trimmed)["trim"]
     controls = {k: v for k, v in trim.items() if k not in ("alpha_deg", "theta_deg", "residual")}

@@ -1,4 +1,4 @@
-"""Figures for pages: matplotlib without a display, as SVG that does not change from one run to the next."""
+"""Figures for pages: matplotlib without a display, as reproducible SVG."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ if TYPE_CHECKING:
 
 Vector = npt.NDArray[np.float64]
 
-_WIDTH = 8.0  # of figures, inches
-BUCKETS = 500  # about one a point of the width of a figure
+_WIDTH = 8.0  # width of figures, inches
+BUCKETS = 500  # about one per point of figure width
 
-_RC: Any = {  # typed by matplotlib with a literal of all its names
+_RC: Any = {  # Any: matplotlib types the keys as a literal of all its names
     "svg.hashsalt": "flightbed", "svg.fonttype": "none", "font.family": "sans-serif", "font.size": 9.0, "axes.grid": True,
     "grid.color": "#e3e6ec", "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "lines.linewidth": 1.1,
     "path.simplify": True, "path.simplify_threshold": 0.15, "figure.constrained_layout.use": True,
 }  # fmt: skip
 
-_PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # a hundredth of a point is enough
+_PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # coordinates to 0.01 points
 
 
 @contextmanager
 def canvas(
     rows: int = 1, columns: int = 1, *, height: float = 2.6, share_x: bool = True, margin: float | None = None
 ) -> Iterator[tuple[list[Axes], Callable[[], str]]]:
-    """Give the axes of a figure, row by row, and a function that returns it as SVG.
+    """Yield the axes of a figure, row by row, and a function that returns the figure as SVG.
 
     Args:
-        rows: how many axes below each other.
-        columns: how many beside each other; they share the y axis.
-        height: of each, inches; the figure is 8 inches wide.
-        share_x: whether they share the x axis.
-        margin: what is left free for labels on the left, inches: the axes of several figures then lie below each other, and are
-            drawn faster; None fits it to the labels.
+        rows: number of rows of axes.
+        columns: number of columns; the axes of a row share the y axis.
+        height: height of a row, inches; the figure is 8 inches wide.
+        share_x: whether the rows share the x axis.
+        margin: left margin for labels, inches; a fixed margin aligns the axes of several figures and draws faster; None fits
+            the margin to the labels.
 
     """
     import matplotlib as mpl
@@ -72,7 +72,7 @@ def canvas(
 
 
 def _fix(figure: Figure, rows: int, margin: float) -> None:
-    """Lay out axes with fixed margins, inches; constrained layout draws everything twice to find them."""
+    """Lay out the axes with fixed margins, inches; constrained layout would draw the figure twice to find the margins."""
     above, below, between, height = 0.27, 0.43, 0.27, float(figure.get_figheight())
     each = (height - above - below - between * (rows - 1)) / rows
     figure.subplots_adjust(
@@ -86,17 +86,20 @@ def _fix(figure: Figure, rows: int, margin: float) -> None:
 
 
 def distinct(svg: str, key: str) -> str:
-    """Return an SVG whose ids start with a key, so that several can stand on one page."""
+    """Return an SVG with the key as prefix of all ids, so that one page can hold several figures."""
     svg = re.sub(r'\bid="', f'id="{key}-', svg)
     return re.sub(r'(url\(#|href="#)', rf"\g<1>{key}-", svg)
 
 
 def thin(t: Vector, values: Vector, buckets: int = BUCKETS) -> tuple[Vector, Vector]:
-    """Leave of a long history what can be seen: the least and the largest value of each of so many equal stretches of time.
+    """Reduce a long history to the least and largest value in each of ``buckets`` equal time intervals.
 
     Args:
-        t, values: (n,), as they come; values that are not finite become nan, which is not drawn.
-        buckets: stretches; a history of no more than twice as many values is returned whole.
+        t, values: (n,); non-finite values become nan, which is not drawn.
+        buckets: number of intervals; a history of at most twice as many values is returned unchanged.
+
+    Returns:
+        Times and values (m,), m <= max(2 buckets, n).
 
     """
     values = np.where(np.isfinite(values), values, np.nan)
@@ -114,11 +117,11 @@ def thin(t: Vector, values: Vector, buckets: int = BUCKETS) -> tuple[Vector, Vec
 
 
 def envelope(t: Vector, low: Vector, high: Vector, buckets: int = BUCKETS) -> tuple[Vector, Vector, Vector]:
-    """Leave of a long band its outer edges over so many equal stretches of time.
+    """Reduce a long band to its outer edges over ``buckets`` equal time intervals.
 
     Args:
-        t, low, high: (n,); values that are not finite become nan, which is not drawn.
-        buckets: stretches; a band of no more values is returned whole.
+        t, low, high: (n,); non-finite values become nan, which is not drawn.
+        buckets: number of intervals; a band of at most as many values is returned unchanged.
 
     """
     low, high = (np.where(np.isfinite(edge), edge, np.nan) for edge in (low, high))
@@ -129,22 +132,22 @@ def envelope(t: Vector, low: Vector, high: Vector, buckets: int = BUCKETS) -> tu
 
 
 def line(axes: Axes, t: Vector, values: Vector, *, buckets: int = BUCKETS, **style: Any) -> None:
-    """Draw a history, as much of it as can be seen."""
+    """Plot a history, reduced to the resolution of the figure."""
     axes.plot(*thin(t, values, buckets), **style)
 
 
 def band(axes: Axes, t: Vector, low: Vector, high: Vector, *, buckets: int = BUCKETS // 2, **style: Any) -> None:
-    """Fill between two histories, as much as can be seen."""
+    """Fill the area between two histories, reduced to the resolution of the figure."""
     axes.fill_between(*envelope(t, low, high, buckets), linewidth=0.0, **style)
 
 
 def legend(axes: Axes) -> None:
-    """Name the lines, above the axes, where nothing is drawn."""
+    """Draw the legend above the axes, clear of the lines."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=8, borderaxespad=0.0)
 
 
 def mark(axes: Axes, at_s: float | None, **style: Any) -> None:
-    """Draw the time of a failure."""
+    """Mark the onset of a failure by a vertical line; nothing for None."""
     if at_s is not None:
         axes.axvline(at_s, color=FAILURE, linestyle=":", linewidth=1.0, **style)

@@ -1,4 +1,4 @@
-"""The edits that an overlay may make to a stock JSBSim model; each raises EditError when the model is not as expected."""
+"""Edits of an overlay to a stock JSBSim model; each raises EditError if the model does not have the expected elements."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 
 
 class EditError(Exception):
-    """The stock model does not have what an edit is about."""
+    """The stock model does not have the elements that an edit refers to."""
 
 
-def filled(edit: Mapping[str, Any], fill: Mapping[str, str]) -> dict[str, Any]:
-    """Return an edit with ``$names`` filled in."""
+def substitute(edit: Mapping[str, Any], fill: Mapping[str, str]) -> dict[str, Any]:
+    """Return an edit with ``$names`` substituted in its texts."""
     return {key: Template(value).substitute(fill) if isinstance(value, str) else value for key, value in edit.items()}
 
 
@@ -65,9 +65,9 @@ def _rewire_channel(root: ET.Element, edit: Mapping[str, Any], _snippets: Mappin
 
 
 def _rewire(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
-    """Let aerodynamic functions read another property; every reader of ``from`` must be named, each under its new property."""
+    """Make aerodynamic functions read other properties; ``to`` must list all functions that read ``from``, by new property."""
     if not isinstance(edit["to"], Mapping):
-        raise EditError('to must say which functions read what: to."fcs/new" = ["aero/coefficient/NAME"]')
+        raise EditError('to: must list the functions of each new property: to."fcs/new" = ["aero/coefficient/NAME"]')
     targets = [(function, to) for to, functions in edit["to"].items() for function in functions]
     readers = [
         (str(function.get("name")), element)

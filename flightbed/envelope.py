@@ -1,4 +1,4 @@
-"""An aircraft -> its pitch motion and load factor over dynamic pressure, for laws that are scheduled on it."""
+"""Aircraft -> pitch motion and load factor over dynamic pressure, for scheduled control laws."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ DYNAMIC_PRESSURES_PSF = (
     497.5,
     550.0,
 )  # Kemp S 6.1: 11 points
-_LOADS = (None, 0.75, 0.5, 0.25)  # level flight; where there is none, a push-over at this load factor
+_LOADS = (None, 0.75, 0.5, 0.25)  # level flight; else a push-over at the first of these load factors with a trim
 
 
 def pitch_points(aircraft: Aircraft, *, cg_shift_cbar: float) -> tuple[PitchPoint, ...]:
     """Trim and linearize at sea level at Kemp's 11 dynamic pressures, 25 to 550 lb/ft^2.
 
-    The F-16 does not fly level at 25 lb/ft^2: there the point is that of a push-over with less lift, and says so; the thesis does not say
-    what it did.
+    The F-16 has no level trim at 25 lb/ft^2: this point is a push-over at a load factor below 1, with ``level`` False; the thesis does
+    not describe its treatment of this point.
 
     Raises:
-        NoTrimError: there is no equilibrium at one of them, not even at a quarter of the weight.
+        NoTrimError: a dynamic pressure has no equilibrium, not even at a load factor of 0.25.
 
     """
     return tuple(_point(aircraft, pressure * PSF, cg_shift_cbar) for pressure in DYNAMIC_PRESSURES_PSF)
@@ -62,7 +62,7 @@ def _point(aircraft: Aircraft, dynamic_pressure_pa: float, cg_shift_cbar: float)
 
 
 def pitch_point(model: LinearModel, *, mach: float, altitude_m: float) -> PitchPoint:
-    """Take short period and load factor out of a linear model of that Mach number and altitude."""
+    """Extract short period and load factor from a linear model at a Mach number and altitude."""
     A, B = model.part(("alpha", "q"), ("elevator",))
     states, inputs = [name for name, _ in model.states], [name for name, _ in model.inputs]
     row = [name for name, _ in model.outputs].index("nz")

@@ -1,4 +1,4 @@
-"""Figures of a flight: references and responses, surfaces, flight condition; the table of all figures."""
+"""Figures of a flight: tracking, control surfaces, flight condition; the table of all figures."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import numpy.typing as npt
 from flightbed import drawing
 from flightbed.estimate_figures import (
     effectiveness,
-    estimated,
+    estimated_surfaces,
+    estimates_with,
     nis,
     number,
-    reconstructing,
     reconstruction,
+    reconstruction_names,
     sigma,
-    telling,
 )
 from flightbed.metrics import PHASES, at_stop
 from flightbed.naming import of_surface
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Vector = npt.NDArray[np.float64]
 
-MARGIN = 0.72  # left of the axes of histories, inches
+MARGIN = 0.72  # left margin of the axes of histories, inches
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class Figure:
     """One figure.
 
     Attributes:
-        title: heading.
-        text: explanation of the lines.
-        rows: flight -> number of axes, 0 for a flight without this figure.
-        draw: draws on the axes, returns computed facts in words.
-        height: of each of the axes, inches.
+        title: title of the figure.
+        text: description of the lines.
+        rows: flight -> number of axes; 0 if the figure does not apply.
+        draw: draws on the axes and returns computed facts in words.
+        height: height of each of the axes, inches.
 
     """
 
@@ -61,7 +61,7 @@ def pictures(result: Result, keys: tuple[str, ...] | None = None) -> list[Pictur
 
     Args:
         result: the flight.
-        keys: of ``FIGURES``; None for all figures that apply to the flight.
+        keys: keys of ``FIGURES``; None for all figures that apply to the flight.
 
     """
     wanted = FIGURES if keys is None else {key: FIGURES[key] for key in keys}
@@ -83,7 +83,7 @@ def _picture(key: str, figure: Figure, result: Result) -> Picture:
 
 
 def mark_changes(axes: Axes, scenario: Scenario, end_s: float, *, name: bool) -> None:
-    """Draw a vertical line at the onset of every failure and gust before ``end_s``; ``name`` adds it to the legend."""
+    """Mark the onsets of failures and gusts up to ``end_s``; with ``name`` they appear in the legend."""
     for kind, color, times in (
         ("failure", drawing.FAILURE, [f.at_s for f in scenario.failures]),
         ("gust", drawing.OTHER, [g.at_s for g in scenario.gusts]),
@@ -97,11 +97,11 @@ def _one(_result: Result) -> int:
 
 
 def _estimates(result: Result) -> int:
-    return len(telling(result))
+    return len(estimates_with(result, "effectiveness"))
 
 
 def _estimators(result: Result) -> int:
-    return len(of_surface(telling(result, "nis"), "elevator"))
+    return len(of_surface(estimates_with(result, "nis"), "elevator"))
 
 
 def _range(values: Vector, spec: str, unit: str) -> str:
@@ -110,22 +110,25 @@ def _range(values: Vector, spec: str, unit: str) -> str:
 
 
 def _pitch_rate(axes: list[Axes], result: Result) -> str:
-    return _followed(axes[0], result, "q", "deg_s", "pitch rate, deg/s", "deg_s")
+    return _tracking(axes[0], result, "q", "deg_s", "pitch rate, deg/s", "deg_s")
 
 
-def _followed(axis: Axes, result: Result, name: str, suffix: str, label: str, key: str) -> str:
-    """Draw a quantity, its command and its reference: columns NAME_SUFFIX, NAME_cmd_SUFFIX, NAME_ref_SUFFIX; ``key`` ends its metrics."""
+def _tracking(axis: Axes, result: Result, name: str, suffix: str, label: str, key: str) -> str:
+    """Draw a controlled variable with its command and reference.
+
+    The columns are NAME_SUFFIX, NAME_cmd_SUFFIX and NAME_ref_SUFFIX; ``key`` is the suffix of the metrics.
+    """
     trace, summary, unit = result.trace, result.summary, label.rpartition(", ")[2]
-    t, flown, reference = trace["t_s"], trace[f"{name}_{suffix}"], trace[f"{name}_ref_{suffix}"]
+    t, actual, reference = trace["t_s"], trace[f"{name}_{suffix}"], trace[f"{name}_ref_{suffix}"]
     axis.set_ylabel(label)
     if not np.any(np.isfinite(reference)):
-        drawing.line(axis, t, flown, color=drawing.ACTUAL, label=name)
-        return f"{_range(flown, '+.2f', unit)}; no {name} is commanded."
+        drawing.line(axis, t, actual, color=drawing.ACTUAL, label=name)
+        return f"{_range(actual, '+.2f', unit)}; no command in {name}."
     drawing.line(axis, t, trace[f"{name}_cmd_{suffix}"], color=drawing.COMMAND, linewidth=0.8, label="command")
     drawing.line(axis, t, reference, color=drawing.REFERENCE, label="reference")
-    drawing.line(axis, t, flown, color=drawing.ACTUAL, label=name)
+    drawing.line(axis, t, actual, color=drawing.ACTUAL, label=name)
     before, after = (number(summary.metrics.tracking_rms(phase, key)) for phase in PHASES)
-    error = np.abs(np.where(np.isfinite(flown - reference), flown - reference, 0.0))
+    error = np.abs(np.where(np.isfinite(actual - reference), actual - reference, 0.0))
     worst = f"largest |{name} - reference| {error.max():.2f} {unit}, at {t[error.argmax()]:.2f} s."
     if summary.failed_at_s is None:
         return f"RMS of {name} - reference {before} {unit}; {worst}"
@@ -133,12 +136,12 @@ def _followed(axis: Axes, result: Result, name: str, suffix: str, label: str, ke
 
 
 def _load_factor(axes: list[Axes], result: Result) -> str:
-    return _followed(axes[0], result, "nz", "g", "load factor, g", "nz_g")
+    return _tracking(axes[0], result, "nz", "g", "load factor, g", "nz_g")
 
 
 def _roll(axes: list[Axes], result: Result) -> str:
-    roll = _followed(axes[0], result, "p", "deg_s", "roll rate, deg/s", "p_deg_s")
-    sideslip = _followed(axes[1], result, "beta", "deg", "sideslip, deg", "beta_deg")
+    roll = _tracking(axes[0], result, "p", "deg_s", "roll rate, deg/s", "p_deg_s")
+    sideslip = _tracking(axes[1], result, "beta", "deg", "sideslip, deg", "beta_deg")
     bank = result.trace["phi_deg"]
     drawing.line(axes[2], result.trace["t_s"], bank, color=drawing.ACTUAL, label="phi")
     axes[2].set_ylabel("angle of bank, deg")
@@ -173,14 +176,14 @@ def _surface(axis: Axes, result: Result, surface: str) -> str:
             stop, color=drawing.OTHER, linestyle="--", linewidth=0.9, label="_" if i else "stops of the surface"
         )
     axis.set_ylabel(f"{surface}, deg")
-    where = f"stops at {' and '.join(f'{s:+g}' for s in stops)} deg" if stops else "no stops"
+    limits = f"stops at {' and '.join(f'{s:+g}' for s in stops)} deg" if stops else "no stops"
     return (
-        f"Commanded {_range(command, '+.2f', 'deg')}, {where}; "
+        f"Command {_range(command, '+.2f', 'deg')}, {limits}; "
         f"at a stop in {np.mean(at_stop(trace, actuator, surface)):.1%} of the ticks."
     )
 
 
-def _turning_surfaces(axes: list[Axes], result: Result) -> str:
+def _aileron_and_rudder(axes: list[Axes], result: Result) -> str:
     both = zip(axes, ("aileron", "rudder"), strict=True)
     return " ".join(f"{surface.capitalize()}: {_surface(axis, result, surface)}" for axis, surface in both)
 
@@ -193,8 +196,8 @@ _CONDITION = (
 _GUST = ("gust_up_fps", "gust, ft/s up", ".1f", "ft/s")
 
 
-def _turning(rows: int) -> Callable[[Result], int]:
-    """Return the number of axes of a figure for flights with commanded aileron and rudder."""
+def _lateral_rows(rows: int) -> Callable[[Result], int]:
+    """Return the row function of a figure that applies only to flights with aileron and rudder commands."""
     return lambda result: rows if result.plan.lateral is not None else 0
 
 
@@ -214,41 +217,46 @@ def _condition(axes: list[Axes], result: Result) -> str:
 
 FIGURES = {
     "pitch-rate": Figure(
-        "Pitch rate", "Command, prefiltered reference and response.", _one, _pitch_rate
+        "Pitch rate", "Pilot command, prefiltered reference and response of the aircraft.", _one, _pitch_rate
     ),
     "load-factor": Figure(
-        "Load factor", "Command over level flight at the measured attitude, reference and response.",
+        "Load factor", "Command relative to level flight at the measured attitude, reference and response of the aircraft.",
         lambda result: int(result.plan.scenario.in_g), _load_factor,
     ),
     "alpha": Figure("Angle of attack", "Relative to the air, gusts included.", _one, _alpha),
     "elevator": Figure("Elevator", "Command of the law and position of the surface; trailing edge down is positive.", _one, _elevator),
     "roll": Figure(
-        "Roll rate, sideslip and bank", "Commands, prefiltered references and response.", _turning(3), _roll,
+        "Roll rate, sideslip and bank", "Command, prefiltered reference and response of the aircraft.", _lateral_rows(3), _roll,
         height=1.6,
     ),
     "aileron-and-rudder": Figure(
-        "Aileron and rudder", "Commands of the regulator and positions of the actuators.", _turning(2), _turning_surfaces,
+        "Aileron and rudder", "Commands of the regulator and positions of the actuators.", _lateral_rows(2), _aileron_and_rudder,
         height=1.6,
     ),
     "effectiveness": Figure(
         "Effectiveness K",
-        "Each estimate with its own +-2 sigma, smoothed as the law uses it, and the true K of its surface; 'NAME' is the elevator's.",
+        "Each estimate with its +-2 sigma band, the smoothed estimate that the law uses, and the true K of its surface; 'NAME' without a "
+        "surface is the elevator's.",
         _estimates, effectiveness, height=1.9,
     ),
     "nis": Figure(
         "Normalized innovation squared",
-        "Chi-square distributed under the filter's model, with one degree of freedom per predicted reading; the mean is that number, "
-        "and 5 % lie above the bound.",
+        "Chi-square distributed if the filter's model holds: the mean equals the number of predicted readings, and 5 % of the values lie "
+        "above the bound.",
         _estimators, nis, height=1.6,
     ),
     "reconstruction": Figure(
         "Reconstructed input",
-        "The elevator's deflection that acts, or a gust's angle of attack (estimated one tick late), from alpha and q alone.",
-        lambda result: len(reconstructing(result)), reconstruction,
+        "Effective deflection of the elevator, or gust angle of attack (delayed by one tick), reconstructed from alpha and q alone.",
+        lambda result: len(reconstruction_names(result)), reconstruction,
     ),
     "sigma": Figure(
-        "Standard deviation of K", "Each estimator's own standard deviation of K, and the Cramer-Rao bound (grey) where it is known.",
-        lambda result: len(estimated(result)), sigma,
+        "Standard deviation of K",
+        "Each estimator's own standard deviation of K and, where it can be computed, the Cramer-Rao bound (grey).",
+        lambda result: len(estimated_surfaces(result)), sigma,
     ),
-    "condition": Figure("Flight condition", "Mach number, altitude, load factor.", _condition_rows, _condition, height=1.4),
+    "condition": Figure(
+        "Flight condition", "Mach number, altitude, load factor and, if the scenario has gusts, their vertical speed.",
+        _condition_rows, _condition, height=1.4,
+    ),
 }  # fmt: skip

@@ -19,7 +19,7 @@ from flightbed.pacing import heap_set_aside
 
 if TYPE_CHECKING:
     from flightbed.flight_result import Result
-    from flightbed.telemetry.shown import Shown
+    from flightbed.telemetry.shown import FlightInfo
 
 
 class FolderKind(NamedTuple):
@@ -162,15 +162,13 @@ def _record(result: Result, path: Path) -> None:
     write_recording(path, result.trace, shown(result))
 
 
-def shown(result: Result) -> Shown:
+def shown(result: Result) -> FlightInfo:
     """Return the information on a finished flight that the viewer shows."""
-    from flightbed.telemetry.shown import Shown
-
     scenario, summary = result.plan.scenario, result.summary
     happened = events(scenario, result.trace, summary, result.plan.actuators)
     measured = result.metrics.estimators
     readings = {name: m.nis_expected for name, m in measured.items() if m.nis_expected is not None}
-    return Shown.of(result.plan, readings=readings).flown(
+    return FlightInfo.of(result.plan, readings=readings).with_result(
         run_card(scenario, summary),
         happened,
         departed=result.metrics.departed,

@@ -1,4 +1,4 @@
-"""An aircraft that is a linear model: aircraft/<name>/ with kind = "linear" -> LinearAircraft, its short period and actuator."""
+"""Linear aircraft: aircraft/<name>/ with kind = "linear" -> LinearAircraft, a short period and an actuator."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _KEYS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class LinearAircraft:
-    """The short period of an aircraft at one condition, in deviations from trim, and its actuator; no limits.
+    """The short period of an aircraft at one condition, in deviations from trim, and its actuator without limits.
 
     Attributes:
-        name: its name.
+        name: name of the aircraft.
         description: one line.
-        design: the model, with zero trim.
-        mach, altitude_ft: the condition that it is of.
-        sha256: hash of all of it.
+        design: short-period model with zero trim.
+        mach, altitude_ft: flight condition of the model.
+        sha256: SHA-256 of its numbers, hexadecimal.
 
     """
 
@@ -54,16 +54,16 @@ class LinearAircraft:
 
     @property
     def airspeed_m_s(self) -> float:
-        """True airspeed in the standard atmosphere."""
+        """True airspeed in the standard atmosphere, m/s."""
         return self.mach * standard_air(self.altitude_ft * FT).sound_m_s
 
 
 def load_flyable(name: str) -> Aircraft | LinearAircraft:
-    """Read what a scenario may fly: an overlay aircraft or a linear one. Raises UnknownNameError or AircraftError."""
+    """Read the aircraft of a scenario, overlay or linear, by shipped name or folder. Raises UnknownNameError or AircraftError."""
     try:
         linear = "kind" in tomllib.loads(_file(name).read_text(encoding="utf-8"))  # an overlay has no such key
     except (OSError, ValueError):
-        linear = False  # load_aircraft says what is wrong
+        linear = False  # load_aircraft reports the problem
     return load_linear_aircraft(name) if linear else load_aircraft(name)
 
 

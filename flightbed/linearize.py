@@ -1,4 +1,4 @@
-"""Airframe + TrimPoint -> LinearModel, by central differences of the equations of motion, with a checked step."""
+"""Airframe + TrimPoint -> LinearModel, by central differences of the equations of motion, with an estimated step error."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ LATERAL: Names = (("beta", "rad"), ("phi", "rad"), ("p", "rad/s"), ("r", "rad/s"
 STATES: Names = LONGITUDINAL + LATERAL
 LOADS: Names = (("nz", "g"), ("nz_pilot", "g"), ("ny", "g"), ("gamma", "rad"))
 
-# Part -> states, inputs and outputs beside the states.
+# Part -> states, inputs and additional outputs.
 PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "longitudinal": (tuple(n for n, _ in LONGITUDINAL), ("elevator", "throttle"), ("nz", "nz_pilot", "gamma")),
     "lateral": (tuple(n for n, _ in LATERAL), ("aileron", "rudder"), ("ny",)),
     "short-period": (("alpha", "q"), ("elevator",), ("nz", "nz_pilot")),
 }
 
-# Steps of the differences. Small, because tables and switches have kinks: 1e-3 deg keeps the truncation error below 1e-7
-# and a kink outside the stencil at almost every trim point.
+# Steps of the differences. They are small because tables and switches have kinks: 1e-3 deg keeps the truncation error below 1e-7
+# and keeps kinks outside the stencil at almost every trim point.
 _ANGLE = 1e-3 * DEG
 _STEPS = np.array([1e-2, _ANGLE, _ANGLE, 1e-4, 1.0, _ANGLE, _ANGLE, 1e-4, 1e-4, _ANGLE])
-# Two one-sided slopes that differ by more than this share of the largest entry of their row: a kink, not curvature.
+# One-sided slopes that differ by more than this share of the largest entry of their row indicate a kink, not curvature.
 _KINK = 1e-3
 _NEAR = {"mach": 1e-4, "alpha": 2e-3 * DEG, "beta": 2e-3 * DEG, "elevator": 2e-3 * DEG, "altitude": 2.0}
 _MOVES: Mapping[str, Sequence[str]] = {
@@ -47,13 +47,13 @@ _MOVES: Mapping[str, Sequence[str]] = {
 
 @dataclass(frozen=True)
 class Kink:
-    """A derivative that does not exist: the point lies on a kink or a jump, and the model has the mean of both sides.
+    """A derivative at a kink or a discontinuity: it does not exist, and the model uses the mean of the two one-sided slopes.
 
     Attributes:
         row, column: names of the derivative, d(row)/d(column), in units of the model.
-        below, above: the slopes on either side.
-        jump: by how much the row itself jumps there; 0 for a kink.
-        where: table breakpoints nearby, in words; empty if none is known.
+        below, above: one-sided slopes.
+        jump: step of the row itself at a discontinuity; 0 for a kink.
+        where: description of the table breakpoints nearby; empty if none is known.
 
     """
 
@@ -65,7 +65,7 @@ class Kink:
     where: str
 
     def __str__(self) -> str:
-        """One line."""
+        """One-line description."""
         place = f", at {self.where}" if self.where else ""
         jump = f", and {self.row} jumps by {self.jump:.2g}" if self.jump else ""
         return f"d({self.row})/d({self.column}) is {self.below:.4g} on one side and {self.above:.4g} on the other{jump}{place}"
@@ -78,11 +78,11 @@ class LinearModel:
     Attributes:
         states, inputs, outputs: (name, unit) of each.
         A: (n, n); B: (n, m); C: (p, n); D: (p, m).
-        trim: the point it was taken at.
-        step_error: largest change of an entry when the step is halved, relative to the largest of its row.
-        kinks: derivatives that are averages across a kink.
-        drift: how far the equations of motion themselves moved while differences were taken (integrators of a stock control
-            system), relative to the largest change of each row in them; 0 for an overlay aircraft.
+        trim: trim point of the linearization.
+        step_error: largest change of an entry when the step is halved, relative to the largest entry of its row.
+        kinks: derivatives that are means across a kink.
+        drift: change of the equations of motion themselves during the differences (integrators of a stock control system),
+            relative to the largest difference of each row; 0 for an overlay aircraft.
 
     """
 
@@ -103,12 +103,15 @@ class LinearModel:
         return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
 
     def part(self, states: Sequence[str], inputs: Sequence[str]) -> tuple[Matrix, Matrix]:
-        """Return the rows and columns of (A, B) that belong to the named states and inputs."""
+        """Return the rows and columns of (A, B) of the named states and inputs: (s, s) and (s, i)."""
         rows, columns = _places(self.states, states), _places(self.inputs, inputs)
         return self.A[np.ix_(rows, rows)], self.B[np.ix_(rows, columns)]
 
     def subset(self, name: str) -> LinearModel:
-        """Return the ``"longitudinal"``, ``"lateral"`` or ``"short-period"`` model, the other states held at trim; else KeyError."""
+        """Return the ``"longitudinal"``, ``"lateral"`` or ``"short-period"`` model, the other states held at trim.
+
+        Raises KeyError for another name.
+        """
         states, inputs, loads = PARTS[name]
         inputs = tuple(i for i in inputs if i in dict(self.inputs))
         x, u = _places(self.states, states), _places(self.inputs, inputs)
@@ -127,7 +130,7 @@ class LinearModel:
         )
 
     def with_actuator(self, name: str, lag_rad_s: float) -> LinearModel:
-        """Return the model with a first-order actuator on an input: the position becomes the last state, the input a command."""
+        """Return the model with a first-order actuator on an input: its position is the last state, the input is its command."""
         i, n = _places(self.inputs, (name,))[0], len(self.states)
         A = np.block([[self.A, self.B[:, i : i + 1]], [np.zeros((1, n)), np.array([[-lag_rad_s]])]])
         B = np.vstack([self.B, np.zeros((1, self.B.shape[1]))])
@@ -151,7 +154,7 @@ class LinearModel:
 
     def to_control(self) -> control.StateSpace:
         """Return a python-control StateSpace with signal names."""
-        import control  # slow to import, and only some users need it
+        import control  # slow to import, needed by few users
 
         names: dict[str, Any] = {
             "states": [name for name, _ in self.states],
@@ -169,10 +172,10 @@ def _places(names: Names, wanted: Sequence[str]) -> list[int]:
 def linearize(airframe: Airframe, trim: TrimPoint) -> LinearModel:
     """Linearize the rigid-body motion (airspeed, alpha, theta, q, altitude; beta, phi, p, r, psi) about a trim point.
 
-    Inputs are those of the airframe: for a surface its position (no actuator in the model; ``with_actuator`` adds one), or a
-    normalized command. The other hidden states are as the airframe holds them: it says how. Theta is held while alpha moves, so the
-    flight path carries the difference. Each derivative is a central difference at two steps, extrapolated (Richardson); where
-    the slopes on the two sides differ, or the function jumps, the model has their mean and ``kinks`` says so.
+    The inputs are those of the airframe: surface positions (without actuators; ``with_actuator`` adds one) or normalized commands.
+    The airframe determines the other hidden states (``JsbsimAirframe.notes``). Theta is constant while alpha varies, so the flight-path
+    angle varies. Each derivative is a central difference at two steps with Richardson extrapolation; where the one-sided slopes
+    differ, or the function is discontinuous, the model uses the mean slope and lists the derivative in ``kinks``.
     """
     inputs: Names = tuple((i.name, i.unit) for i in airframe.inputs)
     point = np.array([*trim.motion, *trim.controls[: len(inputs)]])
@@ -200,7 +203,7 @@ def linearize(airframe: Airframe, trim: TrimPoint) -> LinearModel:
 
 
 class _Slopes(NamedTuple):
-    """Derivatives (rows, variables), their step error and drift as in LinearModel, and (row, variable, below, above, jump) of kinks."""
+    """Derivatives (rows, variables), step error and drift as in LinearModel, and (row, variable, below, above, jump) per kink."""
 
     J: Matrix
     error: float
@@ -211,8 +214,8 @@ class _Slopes(NamedTuple):
 def _differentiate(values: Callable[[Matrix], list[float]], steps: Matrix) -> _Slopes:
     """Differentiate a function of offsets at 0.
 
-    Stencil of each variable: -h, -h/2, 0, h/2, h. The point at -h/2 is computed only where the one at h/2 does not lie on the
-    parabola of the other three: elsewhere it is where the cubic through the four has it, and there is no kink.
+    The stencil of each variable is -h, -h/2, 0, h/2, h. The point at -h/2 is evaluated only where the value at h/2 deviates from the
+    parabola through the other three points: elsewhere there is no kink, and the cubic through four points interpolates the value.
     """
     offsets = np.diag(steps)
     centre = np.array(values(np.zeros_like(steps)))
@@ -231,8 +234,8 @@ def _differentiate(values: Callable[[Matrix], list[float]], steps: Matrix) -> _S
     sharp = []
     smooth = np.ones(J.shape, dtype=bool)
     if doubtful.size:
-        # Slopes over the four parts of the stencil. A jump spoils one of them: of the two on a side the one nearer to the
-        # median of all is the slope of that side.
+        # Slopes over the four intervals of the stencil. A discontinuity corrupts one of them: the slope of a side is that of its two
+        # intervals which is nearer to the median of all four.
         stencil = np.stack([minus, half_minus, np.broadcast_to(here, plus.shape), half_plus, plus])
         parts = np.diff(stencil, axis=0) / (steps / 2.0)
         off = np.abs(parts - np.median(parts, axis=0))
@@ -260,7 +263,7 @@ def _row(i: int) -> str:
 
 
 def _where(airframe: Airframe, trim: TrimPoint, column: str) -> str:
-    """Name the table breakpoints that a variable meets at the trim point."""
+    """Describe the table breakpoints of a variable at the trim point."""
     mach = trim.airspeed_m_s / airframe.airspeed_m_s * airframe.mach
     here = {
         "mach": mach,

@@ -1,7 +1,7 @@
-"""A flight shown while it flies, by a process of its own: whatever becomes of the viewer, the flight goes on.
+"""Live view of a flight through a separate process: problems of the viewer never affect the flight.
 
-The loop only copies a tick's numbers; a thread hands them to the process, which alone knows Rerun (``telemetry/streamer.py``).
-A viewer that is missing, slow or gone can fill a queue, no more; then the flight is shown no further, and that is told once.
+The loop only copies the values of a tick; a thread passes them to the process, the only one that uses Rerun
+(``telemetry/streamer.py``). A missing, slow or closed viewer at most fills a queue; the live view then ends with one notification.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from flightbed.trace import row_packer
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from flightbed.telemetry.shown import Shown
+    from flightbed.telemetry.shown import FlightInfo
 
-HOST, PORT = "127.0.0.1", 9876  # of this computer; Rerun's own port
-HEADER = struct.Struct("<cI")  # kind and length of what follows
+HOST, PORT = "127.0.0.1", 9876  # this computer; Rerun's default port
+HEADER = struct.Struct("<cI")  # kind and length of a message
 FLIGHT, ROWS, RESULT = b"F", b"R", b"E"
-_TICKS, _SECONDS = 5, 0.03  # at least so many ticks are sent together, and no sooner than so long after the last ones
-_QUEUE = 4096  # messages that may wait
+_TICKS, _SECONDS = 5, 0.03  # smallest number of ticks per message and shortest time between messages
+_QUEUE = 4096  # capacity of the queue, messages
 _OPENING_S, _CLOSING_S, _BREAKING_S = 40.0, 15.0, 1.0
 
 
@@ -40,7 +40,7 @@ def _warn(text: str) -> None:
 
 
 def address(text: str | None) -> tuple[str, int]:
-    """Return host and port of ``HOST:PORT``; of this computer for None. Raises InputError."""
+    """Return host and port from ``HOST:PORT``, the local defaults for None. Raises InputError."""
     if text is None:
         return HOST, PORT
     host, _, port = text.rpartition(":")
@@ -51,11 +51,11 @@ def address(text: str | None) -> tuple[str, int]:
 
 @dataclass(eq=False)
 class Live:
-    """Shows one flight in a viewer while it flies; used once.
+    """Live view of a single flight; use one instance per flight.
 
     Attributes:
-        host, port: where a viewer listens; on this computer one is opened if none does.
-        notify: told in words, once, when there is no viewer, or no longer; warns without it.
+        host, port: address of the viewer; on this computer a viewer is opened if none is running.
+        notify: called with a message, at most once, if the viewer is missing or lost; by default it issues a warning.
 
     """
 
@@ -64,15 +64,15 @@ class Live:
     notify: Callable[[str], object] = _warn
     _process: subprocess.Popen[bytes] | None = field(default=None, init=False)
     _queue: queue.Queue[bytes] = field(default_factory=lambda: queue.Queue(_QUEUE), init=False)
-    _told: threading.Event = field(default_factory=threading.Event, init=False)
+    _answered: threading.Event = field(default_factory=threading.Event, init=False)
     _threads: list[threading.Thread] = field(default_factory=list, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _gone: bool = field(default=False, init=False)
     _over: bool = field(default=False, init=False)
 
-    def start(self, shown: Shown) -> None:
-        """Find or open the viewer; returns when it is ready for the flight, or told that there will be none."""
-        # -P: nothing is imported from the folder that one happens to be in.
+    def start(self, info: FlightInfo) -> None:
+        """Find or open the viewer; return when the viewer is ready or known to be unavailable."""
+        # -P: no imports from the current folder.
         command = [sys.executable, "-P", "-m", "flightbed.telemetry.streamer", self.host, str(self.port)]
         try:
             self._process = process = subprocess.Popen(
@@ -80,7 +80,7 @@ class Live:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
-                start_new_session=True,  # an interrupt is the flight's to handle
+                start_new_session=True,  # an interrupt reaches the flight only
             )
         except OSError as error:
             self._lose(f"cannot be started: {error.strerror}")
@@ -93,12 +93,12 @@ class Live:
         ]
         for thread in self._threads:
             thread.start()
-        self._put(FLIGHT, shown.to_json().encode())
-        if not self._told.wait(_OPENING_S):
+        self._put(FLIGHT, info.to_json().encode())
+        if not self._answered.wait(_OPENING_S):
             self._lose(f"did not answer within {_OPENING_S:g} s")
 
-    def watched(self, samples: Iterable[Sample]) -> Iterator[Sample]:
-        """Yield the samples unchanged, and show them."""
+    def forward(self, samples: Iterable[Sample]) -> Iterator[Sample]:
+        """Yield the samples unchanged and send them to the viewer."""
         rows: list[bytes] = []
         row, last = None, time.perf_counter()
         for sample in samples:
@@ -113,13 +113,13 @@ class Live:
         if rows:
             self._put(ROWS, b"".join(rows))
 
-    def finish(self, flown: Shown) -> None:
-        """Show what came of the flight that is over: its card, its events, a departure."""
+    def finish(self, info: FlightInfo) -> None:
+        """Send the outcome of the completed flight: run card, events, departure."""
         self._over = True
-        self._put(RESULT, flown.to_json().encode())
+        self._put(RESULT, info.to_json().encode())
 
     def close(self) -> None:
-        """Let what was sent arrive, for some seconds at most, and end; the viewer stays open. Of a flight that broke off nothing has to."""
+        """Wait some seconds at most for the data to arrive (1 s for an aborted flight), then end; the viewer stays open."""
         if self._process is None:
             return
         patience = 0.0 if self._gone else _CLOSING_S if self._over else _BREAKING_S
@@ -134,7 +134,7 @@ class Live:
         except KeyboardInterrupt:
             if not self._over:
                 raise
-            # The flight is flown and written: the interrupt says not to wait for the viewer any longer.
+            # The flight is complete and written: the interrupt only ends the wait for the viewer.
             self._lose("did not take the whole flight before the interrupt")
         finally:
             self._gone = True
@@ -152,14 +152,14 @@ class Live:
             self._lose("does not keep up")
 
     def _write(self, pipe: BinaryIO) -> None:
-        """Hand messages on; an empty one is the last."""
+        """Write messages to the process; an empty message is the last."""
         with suppress(OSError, ValueError), pipe:
             while message := self._queue.get():
                 pipe.write(message)
                 pipe.flush()
 
     def _read(self, pipe: BinaryIO) -> None:
-        """Take what the process says: that it is ready, or why there is no viewer."""
+        """Read the messages of the process: ready, lost with a reason, or done."""
         done = False
         with pipe:
             for line in pipe:
@@ -167,15 +167,15 @@ class Live:
                 if word == "lost":
                     self._lose(reason)
                 done = done or word in ("lost", "done")
-                self._told.set()
+                self._answered.set()
         if not done:
-            self._lose("was lost: the process that shows the flight ended")
-        self._told.set()
+            self._lose("was lost: the streaming process ended")
+        self._answered.set()
 
     def _lose(self, reason: str) -> None:
         with self._lock:
-            told, self._gone = self._gone, True
-        if not told:
-            self._told.set()
-            how = "it is flown and written without it" if self._over else "the flight goes on without it"
-            self.notify(f"the viewer at {self.host}:{self.port} {reason}; {how}")
+            known, self._gone = self._gone, True
+        if not known:
+            self._answered.set()
+            state = "the flight is complete and written" if self._over else "the flight continues without it"
+            self.notify(f"the viewer at {self.host}:{self.port} {reason}; {state}")

@@ -1,12 +1,13 @@
-"""Plan -> Margins: between which true K the loop is stable while another is believed (Wu, Zhang and Zhou 2000, S 4).
+"""Stability margins: the range of true K for which the loop is stable at a given estimate K-hat (Wu, Zhang and Zhou 2000, S 4).
 
-On the design models, at the control rate, commands held. Of a surface with K the deflection that acts, a = K x position, is taken for the
-state: then K enters only where the law's feedback of the motion does, and with the correction by 1/K-hat only as the ratio rho = K / K-hat,
+The margins are those of the design models at the control rate, with commands held. The state of a surface is its effective deflection,
+a = K x position: then K multiplies only the law's feedback of the motion, and with the correction by 1/K-hat only the ratio
+rho = K / K-hat enters,
 
-    M(rho) = M_0 + rho M_1,
+    M(rho) = M_0 + rho M_1.
 
-whose first crossings of the unit circle are eigenvalues (``control.margin.first_crossing``), not the end of a search. Aileron and rudder
-together are gridded: positions are fed from one to the other, by which their ratio enters, too.
+The first crossings of the unit circle follow from eigenvalues (``control.margin.first_crossing``), without a search. Aileron and rudder
+require a grid: the position of each is fed back to the command of the other, so the ratio of their effectivenesses enters as well.
 """
 
 from __future__ import annotations
@@ -26,45 +27,46 @@ from flightbed.short_period import ShortPeriod, zero_order_hold
 
 _RAYS, _STEP, _LIMIT = 48, 0.02, 1.0
 _GRID = np.linspace(0.04, 1.0, 13)
-_HIGHEST = 100.0  # K beyond which no crossing is told
+_HIGHEST = 100.0  # upper end of the range of K
 
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Of one plan.
+    """Range of the elevator's true K with a stable pitch loop, over the K-hat that the law uses.
 
     Attributes:
-        believed: (G,) K-hat.
-        low, high: (G,) between which the elevator's true K keeps the pitch loop stable; nan where it is not stable at K = K-hat.
+        effectiveness_used: (G,) K-hat.
+        low, high: (G,) lowest and highest true K; nan where the loop is unstable at K = K-hat.
 
     """
 
-    believed: Array
+    effectiveness_used: Array
     low: Array
     high: Array
 
-    def at(self, believed: Array) -> tuple[Array, Array]:
-        """Return lowest and highest true K for the K-hat (T,) believed at each tick."""
-        return np.interp(believed, self.believed, self.low), np.interp(believed, self.believed, self.high)
+    def at(self, effectiveness: Array) -> tuple[Array, Array]:
+        """Return the lowest and highest true K (T,) at each tick, for the K-hat (T,) that the law uses."""
+        grid = self.effectiveness_used
+        return np.interp(effectiveness, grid, self.low), np.interp(effectiveness, grid, self.high)
 
 
 def pitch_margins(
     design: ShortPeriod, gains_for: Callable[[float], Gains], *, control_hz: int, corrected: bool, effective: bool
 ) -> Margins:
-    """Return the margins of a proportional law, with integral or without.
+    """Return the margins of a proportional law, with or without an integral.
 
     Args:
         design: the healthy model.
-        gains_for: K-hat -> the gains that are flown then.
-        control_hz: rate of the commands.
-        corrected: whether what the law asks for is divided by K-hat, else it is the command.
-        effective: whether K-hat x position is fed back, else the position.
+        gains_for: K-hat -> gains of the law.
+        control_hz: control rate, Hz.
+        corrected: whether the command is the law's output divided by K-hat; else it is the output.
+        effective: whether the law feeds back K-hat x position; else it feeds back the position.
 
     """
     held = zero_order_hold(*design.with_actuator(), 1.0 / control_hz)
     low, high = np.empty(len(_GRID)), np.empty(len(_GRID))
     for i, K in enumerate(_GRID.tolist()):
-        if i and corrected and effective:  # only the ratio counts
+        if i and corrected and effective:  # only the ratio K / K-hat enters
             low[i], high[i] = low[0] * K / _GRID[0], high[0] * K / _GRID[0]
             continue
         gains = gains_for(K)
@@ -74,7 +76,7 @@ def pitch_margins(
         motion[:2] = gains.alpha, gains.q
         if gains.integral:
             fixed[3, 3], fixed[3, 1], motion[3] = 1.0, -1.0 / control_hz, gains.integral
-        # Of the command K times as much acts; a / K is fed back: K cancels there, and what is left are K-hat's.
+        # The effective command is K times the command and the feedback is a / K: K cancels, and only K-hat remains.
         divisor = K if corrected else 1.0
         fixed[:, 2] += B * gains.elevator * (K if effective else 1.0) / divisor
         low[i], high[i] = _interval(fixed, np.outer(B, motion) / divisor, K)
@@ -82,7 +84,7 @@ def pitch_margins(
 
 
 def _interval(M_0: Array, M_1: Array, K: float) -> tuple[float, float]:
-    """Return between which K' around K the loop M_0 + K' M_1 is stable; nothing outside 0 to 100 is told."""
+    """Return the interval of K' around K, within 0 to 100, in which the loop M_0 + K' M_1 is stable; nan, nan if unstable at K."""
     M = M_0 + K * M_1
     if spectral_radius(M) >= 1.0:
         return np.nan, np.nan
@@ -91,16 +93,16 @@ def _interval(M_0: Array, M_1: Array, K: float) -> tuple[float, float]:
 
 
 def lateral_margin(law: RollYaw, design: LateralDirectional, *, control_hz: int) -> float:
-    """Return by which share of their K-hat those of aileron and rudder may both be off before roll and yaw are unstable.
+    """Return the largest relative error of K-hat of aileron and rudder for which the roll and yaw loop is stable.
 
-    The largest eps such that the loop is stable for all |K_i / K-hat_i - 1| <= eps, with K-hat x position fed back, by a grid of rays to
-    the faces of the box, each followed in steps of 0.02 and then bisected; not looked for beyond 1, where a K would be negative.
+    This is the largest eps such that the loop is stable for all |K_i / K-hat_i - 1| <= eps, with K-hat x position fed back. A grid of
+    rays to the faces of the box is searched, each in steps of 0.02 with bisection; eps is limited to 1, beyond which K is negative.
     """
     A, B = zero_order_hold(*design.with_actuators(), 1.0 / control_hz)
     F = law.F
 
     def stable(ratios: Array) -> bool:
-        # Fed back is K-hat x position = a / rho; of what is commanded rho times as much acts.
+        # The feedback is K-hat x position = a / rho; the effective deflection is rho times the command.
         fed = np.concatenate([np.ones(3), 1.0 / np.maximum(ratios, 1e-9)])
         return spectral_radius(A - B @ (ratios[:, None] * F * fed)) < 1.0
 

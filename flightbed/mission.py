@@ -18,7 +18,7 @@ from flightbed.pacing import Clock
 from flightbed.plan import Plan, plan
 from flightbed.settings import Scenario
 from flightbed.signals import Sample
-from flightbed.telemetry.shown import Shown
+from flightbed.telemetry.shown import FlightInfo
 
 
 def fly(scenario: Scenario) -> Iterator[Sample]:
@@ -30,8 +30,8 @@ def fly(scenario: Scenario) -> Iterator[Sample]:
 
 def _watch(live: Live, planned: Plan, readings: Mapping[str, float]) -> Watch:
     """Show the plan in the viewer; returns the function that shows the samples."""
-    live.start(Shown.of(planned, readings=readings))
-    return live.watched
+    live.start(FlightInfo.of(planned, readings=readings))
+    return live.forward
 
 
 def run(

@@ -1,4 +1,4 @@
-"""Trim points and linear models -> text for people and files for tools."""
+"""Trim points and linear models -> text tables, and files (JSON, CSV, Parquet, npz, mat)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flightbed.units import unit_of
 
 
 def model_table(point: Point, document: Mapping[str, Any]) -> str:
-    """Return a linear model as text that fits 80 columns: point, matrices with names and units, modes, warnings."""
+    """Return a linear model as text of 80 columns: trim point, matrices with names and units, modes, warnings."""
     q = point.qualities
     names = {kind: [(v["name"], v["unit"]) for v in document[kind]] for kind in ("states", "inputs", "outputs")}
     states, inputs = ([name for name, _ in names[kind]] for kind in ("states", "inputs"))
@@ -56,21 +56,21 @@ def model_table(point: Point, document: Mapping[str, Any]) -> str:
     lines += _wrapped(f"elevator: smallest K {enough.trim:.3f} to trim; ", hold.split(" "), " ")
     for result in document.get("validation", ()):
         errors = ", ".join(f"{state} {error:.2%}" for state, error in result["errors"].items())
-        lines += _wrapped(f"against the aircraft at {result['plant_hz']} Hz: ", errors.split(" "), " ")
+        lines += _wrapped(f"error against the aircraft at {result['plant_hz']} Hz: ", errors.split(" "), " ")
     for name, source in document["sources"].items():
         if name not in ("jsbsim", "aircraft_sha256"):
             lines += _wrapped(f"{name}: ", source.split(" "), " ")
     lines.append(f"differences: halving the step changes no entry by more than {document['step_error']:.0e} of its row")
     if document["drift"] > 1e-3:
-        text = f"the aircraft's own control system moved by {document['drift']:.0e} while differences were taken"
+        text = f"the aircraft's own control system drifted by {document['drift']:.0e} during the differences"
         lines += _wrapped("warning: ", text.split(" "), " ")
     for kink in document["kinks"]:
-        lines += _wrapped("warning: on a kink, averaged: ", kink.split(" "), " ")
+        lines += _wrapped("warning: kink, mean slope used: ", kink.split(" "), " ")
     return "\n".join(lines) + "\n"
 
 
 def _blocks(A: Matrix, B: Matrix, states: Sequence[str], inputs: Sequence[str]) -> list[str]:
-    """Return A and B in blocks of five columns; a coupling block that is below 1e-3 of its rows is left out."""
+    """Return A and B in blocks of at most five columns; coupling blocks below 1e-3 of their rows are omitted."""
     lateral = {name for name, _ in LATERAL}
     groups = [[s for s in states if (s in lateral) == side] for side in (False, True)]
     lines: list[str] = []
@@ -91,7 +91,7 @@ def _blocks(A: Matrix, B: Matrix, states: Sequence[str], inputs: Sequence[str]) 
 
 
 def trim_lines(document: Mapping[str, Any]) -> list[str]:
-    """Return a trim point as lines."""
+    """Return a trim point as lines of text."""
     c, t = document["condition"], document["trim"]
     extra = [
         f"{label} {c[key]:g}" for key, label, rest in
@@ -100,9 +100,9 @@ def trim_lines(document: Mapping[str, Any]) -> list[str]:
     ]  # fmt: skip
     if c["bank_rad"]:
         extra.append(f"bank {np.rad2deg(c['bank_rad']):g} deg")
-    shown = dict.fromkeys(("alpha", "elevator", "theta", "beta"), "deg") | dict.fromkeys("pqr", "deg_s")
-    shown["throttle"] = "norm"
-    names = {f"{name}_{unit}": (name, unit.replace("_", "/")) for name, unit in shown.items()}
+    units = dict.fromkeys(("alpha", "elevator", "theta", "beta"), "deg") | dict.fromkeys("pqr", "deg_s")
+    units["throttle"] = "norm"
+    names = {f"{name}_{unit}": (name, unit.replace("_", "/")) for name, unit in units.items()}
     names |= {k: (k.removesuffix("_cmd_norm") + " command", "") for k in t if k.endswith("_cmd_norm")}
     names |= {k: (k.removesuffix("_deg"), "deg") for k in ("aileron_deg", "rudder_deg") if k in t}
     always = ("alpha_deg", "elevator_deg", "throttle_norm", "theta_deg")
@@ -119,7 +119,7 @@ def trim_lines(document: Mapping[str, Any]) -> list[str]:
 
 
 def sweep_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a sweep as text."""
+    """Return a sweep as a text table."""
     lines = ["  Mach  altitude,ft  alpha,deg  elev,deg  thr   M_alpha  M_delta  fastest  K min"]
     for r in rows:
         start = f"{r['mach']:6.3f}  {r['altitude_ft']:11.0f}"
@@ -135,7 +135,7 @@ def sweep_table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return rows as CSV with a header; every key of any row is a column."""
+    """Return rows as CSV with a header; the columns are the union of all keys."""
     columns = list(dict.fromkeys(key for r in rows for key in r))
     buffer = io.StringIO()
     writer = csv.DictWriter(buffer, columns, lineterminator="\n", restval="")
@@ -145,7 +145,7 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def parquet(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Return rows as Parquet; every key of any row is a column, empty where a row does not have it, and units are in column metadata."""
+    """Return rows as Parquet; the columns are the union of all keys, null where a row has no value, units in the column metadata."""
     import pyarrow as pa
     from pyarrow import parquet as pq
 
@@ -158,12 +158,12 @@ def parquet(rows: Sequence[Mapping[str, Any]]) -> bytes:
 
 
 def json_text(documents: Sequence[Mapping[str, Any]]) -> str:
-    """Return one document, or a list of several, as JSON."""
+    """Return a single document, or a list of several, as JSON."""
     return json.dumps(documents[0] if len(documents) == 1 else list(documents), indent=2, allow_nan=False) + "\n"
 
 
 def arrays(point: Point, document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a model as named arrays, for npz and mat files."""
+    """Return a model as named arrays, the content of npz and mat files."""
     trimmed = point.trim
     matrices = {name: np.array(document[name]) for name in "ABCD"}
     names = {
@@ -182,7 +182,7 @@ def arrays(point: Point, document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def binary(content: Mapping[str, Any], kind: str) -> bytes:
-    """Return named arrays as the bytes of an npz or a mat file; in mat, names become cell arrays."""
+    """Return named arrays as the bytes of an npz or mat file; arrays of names are cell arrays in mat."""
     buffer = io.BytesIO()
     if kind == "npz":
         np.savez(buffer, **content)
@@ -194,8 +194,8 @@ def binary(content: Mapping[str, Any], kind: str) -> bytes:
     return buffer.getvalue()
 
 
-def write_whole(path: Path, content: bytes, *, option: str = "-o") -> None:
-    """Write a file so that it appears whole or not at all. Raises OutputError."""
+def write_atomic(path: Path, content: bytes, *, option: str = "-o") -> None:
+    """Write a file atomically; ``option`` names it in errors. Raises OutputError."""
     try:
         handle, scratch = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.")
         try:
@@ -225,7 +225,7 @@ def _matrix(values: Any, rows: Sequence[str], columns: Sequence[str]) -> list[st
 
 
 def _clean(line: Any) -> Any:
-    """Round-off of the differences is shown as 0."""
+    """Replace round-off of the differences by 0."""
     return np.where(np.abs(line) < 1e-8 * np.max(np.abs(line)), 0.0, line)
 
 

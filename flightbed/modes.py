@@ -1,4 +1,4 @@
-"""LinearModel -> modes with names, and the short period's flying qualities."""
+"""LinearModel -> named modes, and the flying qualities of the short period."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _SLOW = ("airspeed", "theta")
 
 @dataclass(frozen=True)
 class Mode:
-    """One real eigenvalue, or one complex pair.
+    """One real eigenvalue or one complex pair.
 
     Attributes:
-        name: what it is called; "real" is in the name where two real roots stand for an oscillation.
-        eigenvalue: rad/s; of a pair the one with the positive imaginary part.
+        name: name of the mode; ends in "real root" where two real roots replace an oscillation.
+        eigenvalue: rad/s; for a pair the one with positive imaginary part.
 
     """
 
@@ -31,30 +31,30 @@ class Mode:
 
     @property
     def omega_n_rad_s(self) -> float:
-        """Undamped natural frequency; of a real root its distance from 0."""
+        """Undamped natural frequency, rad/s; for a real root its magnitude."""
         return abs(self.eigenvalue)
 
     @property
     def zeta(self) -> float:
-        """Damping ratio; of a real root 1 if stable, -1 if not."""
+        """Damping ratio; for a real root 1 if stable, -1 if unstable."""
         return -self.eigenvalue.real / self.omega_n_rad_s if self.omega_n_rad_s else 1.0
 
     @property
     def time_constant_s(self) -> float:
-        """-1 / real part: time in which it decays to 1/e, negative for growth, infinite at 0."""
+        """-1 / real part, s: time to decay to 1/e, negative for growth, infinite at 0."""
         return -1.0 / self.eigenvalue.real if self.eigenvalue.real else inf
 
     @property
     def time_to_half_or_double_s(self) -> float:
-        """Time to half amplitude if stable, to double if not, infinite at 0."""
+        """Time to half amplitude if stable, to double if unstable, s; infinite at 0."""
         return log(2.0) / abs(self.eigenvalue.real) if self.eigenvalue.real else inf
 
 
 def modes(model: LinearModel) -> tuple[Mode, ...]:
-    """Name the modes of a model: longitudinal, lateral, short-period, or of the full one.
+    """Name the modes of a longitudinal, lateral, short-period or full model.
 
-    In asymmetric flight the two halves of the full model are coupled: its eigenvalues then have the names of the nearest ones of the
-    uncoupled halves, and a root that none is left for is "coupled".
+    In asymmetric flight the longitudinal and lateral motions are coupled: each eigenvalue of the full model then takes the name of the
+    nearest eigenvalue of the uncoupled models, and an eigenvalue without a match is named "coupled".
     """
     names = {name for name, _ in model.states}
     if not {"airspeed", "beta"} <= names:
@@ -71,11 +71,11 @@ def modes(model: LinearModel) -> tuple[Mode, ...]:
 
 
 def lateral_modes(model: LinearModel) -> tuple[Mode, ...]:
-    """Name the lateral modes: Dutch roll, roll, spiral, and the heading, which nothing restores.
+    """Name the lateral modes: Dutch roll, roll, spiral, and heading (neutral).
 
-    The root that psi takes most part in is the heading. Of oscillations the one with the larger part of beta and r is the
-    Dutch roll, another one the lateral phugoid (roll and spiral joined). Of real roots the fastest is the roll, the slowest the spiral; two
-    more stand in place of the Dutch roll.
+    The heading is the root with the largest participation of psi. Of the oscillations, the Dutch roll is the one with the larger
+    participation of beta and r; a second one is the lateral phugoid (coupled roll and spiral). Of the real roots the fastest is the
+    roll, the slowest the spiral; two further real roots replace the Dutch roll.
     """
     values, share = _participation(model)
     names = [name for name, _ in model.states]
@@ -96,7 +96,7 @@ def lateral_modes(model: LinearModel) -> tuple[Mode, ...]:
 
 
 def _participation(model: LinearModel) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.float64]]:
-    """Return the eigenvalues, and the part (n, n) that each state (row) takes in each: products of left and right eigenvectors."""
+    """Return the eigenvalues (n,), rad/s, and participation factors (n, n), state by eigenvalue: left times right eigenvectors."""
     values, right = np.linalg.eig(model.A)
     try:
         share = np.abs(right * np.linalg.inv(right).T)
@@ -106,11 +106,11 @@ def _participation(model: LinearModel) -> tuple[npt.NDArray[np.complex128], npt.
 
 
 def longitudinal_modes(model: LinearModel) -> tuple[Mode, ...]:
-    """Name the longitudinal modes by which states take part in them.
+    """Name the longitudinal modes by the participation of the states (products of left and right eigenvectors).
 
-    A mode in which alpha and q hold more than half of the participation (the products of left and right eigenvectors) is the
-    short period, the rest with airspeed and theta is the phugoid, and a root that is mostly altitude the altitude mode. Two real roots in
-    place of a pair are called so; a pair that takes one root of each is a third oscillation.
+    Each root belongs to the group of states with the largest participation: alpha and q form the short period, airspeed and theta the
+    phugoid, altitude the altitude mode. Real roots that replace a pair are named "real root"; a pair formed by one root of the short
+    period and one of the phugoid is a "third oscillation".
     """
     values, share = _participation(model)
     names = [name for name, _ in model.states]
@@ -141,10 +141,10 @@ class FlyingQualities:
     """Short-period flying qualities by MIL-F-8785C, 3.2.2.1, category A flight phases.
 
     Attributes:
-        n_alpha_g_rad: n/alpha, load factor per angle of attack.
-        omega_n_rad_s, zeta: short period; None when it is two real roots.
-        cap: control anticipation parameter omega_n^2 / (n/alpha), 1/(g s^2); None likewise.
-        level: 1, 2, 3, or None when the requirement cannot be applied, or is not met at all.
+        n_alpha_g_rad: n/alpha, load factor per angle of attack, g/rad.
+        omega_n_rad_s, zeta: natural frequency and damping ratio of the short period; None for two real roots.
+        cap: control anticipation parameter omega_n^2 / (n/alpha), 1/(g s^2); None for two real roots.
+        level: 1, 2 or 3; None if the requirement does not apply or level 3 is not met.
 
     """
 
@@ -156,11 +156,11 @@ class FlyingQualities:
 
 
 def flying_qualities(model: LinearModel) -> FlyingQualities:
-    """Rate the bare airframe's short period.
+    """Rate the short period of the bare airframe.
 
     Category A limits of MIL-F-8785C (1980), Figure 1a and Table IV: level 1 CAP 0.28 to 3.6 and zeta 0.35 to 1.30, omega_n at least 1.0;
     level 2 CAP 0.16 to 10 and zeta 0.25 to 2.0, omega_n at least 0.6; level 3 CAP at least 0.16 and zeta at least 0.15.
-    n/alpha is taken in the short period, -V Z_alpha / g.
+    n/alpha is that of the short-period approximation, -V Z_alpha / g.
     """
     names = [name for name, _ in model.states]
     n_alpha = -model.trim.airspeed_m_s * float(model.A[names.index("alpha"), names.index("alpha")]) / G0

@@ -1,4 +1,4 @@
-"""Document -> one self-contained HTML page: no script, nothing from the network, readable on paper."""
+"""Document -> one self-contained HTML page: no scripts, no network access, suitable for printing."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ pre.long { columns: 2; }
 
 
 def render(document: Document) -> str:
-    """Return the page."""
+    """Return the HTML page of a document."""
     contents = "".join(
         f'<a href="#s{i}">{escape(section.heading)}</a><br>' for i, section in enumerate(document.sections)
     )
@@ -70,20 +70,20 @@ def _inside(section: Section) -> str:
 
 def _table(table: Table) -> str:
     head = "".join(f"<th>{escape(c)}</th>" for c in table.columns)
-    rows = "".join("<tr>" + "".join(map(_cell, row, table.shown(row))) + "</tr>" for row in table.rows)
+    rows = "".join("<tr>" + "".join(map(_cell, row, table.cell_texts(row))) + "</tr>" for row in table.rows)
     note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
     kind = ' class="dense"' if len(table.columns) > _MANY else ""
     return f'<div class="wide"><table{kind}><caption>{escape(table.title)}</caption><tr>{head}</tr>{rows}</table></div>{note}'
 
 
-def _cell(value: Cell, shown: str) -> str:
-    return f"<td{'' if isinstance(value, str) else ' class=n'}>{escape(shown)}</td>"
+def _cell(value: Cell, text: str) -> str:
+    return f"<td{'' if isinstance(value, str) else ' class=n'}>{escape(text)}</td>"
 
 
 _VERDICTS = {
     True: ("yes", "The computation agrees."),
-    False: ("no", "The computation does not bear this out."),
-    None: ("open", "These runs do not settle it."),
+    False: ("no", "The computation disagrees."),
+    None: ("open", "These runs do not decide."),
 }
 
 
@@ -109,6 +109,6 @@ def _listing(listing: Listing) -> str:
     return f'<p class="listing">{escape(listing.title)}</p><pre{kind}>{escape(listing.text)}</pre>'
 
 
-_MANY = 7  # columns of a table that is set small
-_LONG = 40  # lines of a listing that is set in two columns
+_MANY = 7  # a table with more columns is set in a small font
+_LONG = 40  # a listing with more lines is set in two columns
 _DRAW: dict[type, Callable[..., str]] = {Table: _table, Claim: _claim, Picture: _picture, Listing: _listing}

@@ -103,7 +103,7 @@ def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableT
         for column in table.columns:
             grid.add_column(escape(column), overflow="fold")
         for row in table.rows:
-            grid.add_row(*(escape(cell) for cell in table.shown(row)))
+            grid.add_row(*(escape(cell) for cell in table.cell_texts(row)))
         yield grid
         if table.note:
             yield Padding(Text(table.note, style="dim"), (0, 1))
@@ -179,7 +179,7 @@ def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType
                 grid.add_column(escape(column), no_wrap=column == "estimator", min_width=words)
             for row in table.rows:
                 medians = [cell.estimate if isinstance(cell, Interval) else cell for cell in row]
-                grid.add_row(*(escape(cell) for cell in table.shown(medians)))
+                grid.add_row(*(escape(cell) for cell in table.cell_texts(medians)))
             yield Padding(grid, (0, 1))
     summary = campaign.summary
     if summary.worst is not None:
@@ -203,7 +203,7 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
         grid.add_column(escape(column), no_wrap=not wide or i == 0, min_width=max(map(len, column.split())))
     for row in table.rows:
         cells = [cell.estimate if wide and isinstance(cell, Interval) else cell for cell in row]
-        grid.add_row(*(escape(cell) for cell in table.shown(cells)))
+        grid.add_row(*(escape(cell) for cell in table.cell_texts(cells)))
     yield grid
     yield Padding(Text(table.note, style="dim"), (0, 1))
     verdicts = Table(box=None, show_header=False, padding=(0, 1))

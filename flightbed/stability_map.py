@@ -1,4 +1,4 @@
-"""A sweep -> a picture: pitch stability, trim alpha and elevator over speed and altitude, with what cannot be trimmed."""
+"""Sweep -> picture: pitch stability, trim alpha and elevator over speed and altitude; crosses mark conditions without a trim."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ _PANELS = (
 
 
 def check(path: Path, queries: Sequence[Query]) -> None:
-    """Refuse a picture of one condition, or of an unknown kind. Raises InputError."""
+    """Reject a picture of a single speed or with an unknown suffix. Raises InputError."""
     if path.suffix not in _SUFFIXES:
         raise InputError(f"--picture {path}: must end in {', '.join(_SUFFIXES)}")
     if len({q.speed for q in queries}) < 2:
-        raise InputError("--picture: needs a sweep of at least two speeds")
+        raise InputError("--picture: needs a sweep with at least two speeds")
 
 
 def draw(aircraft: str, queries: Sequence[Query], rows: Sequence[Mapping[str, Any]], suffix: str) -> bytes:
     """Return the picture: maps over speed and altitude, or lines over speed for a single altitude.
 
     Args:
-        aircraft: for the title.
-        queries: the conditions, a full grid.
-        rows: one line a condition, as documents.row gives it, ``no_trim`` where there is none.
+        aircraft: name for the title.
+        queries: conditions, a full grid.
+        rows: one row per condition (``documents.row``), ``no_trim`` empty for a trimmed condition.
         suffix: ``".png"``, ``".svg"`` or ``".pdf"``.
 
     """
@@ -52,7 +52,7 @@ def draw(aircraft: str, queries: Sequence[Query], rows: Sequence[Mapping[str, An
 
     figure = Figure(figsize=(13.0, 4.2), layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(f"{aircraft}: bare airframe, trimmed; x: cannot be trimmed")
+    figure.suptitle(f"{aircraft}: bare airframe at trim; x: no trim")
     for axes, (key, title, colors, signed) in zip(figure.subplots(1, 3), _PANELS, strict=True):
         values = np.array([[_value(rows[i], key) for i in line] for line in order])
         axes.set_title(title, fontsize=10)

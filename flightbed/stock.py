@@ -1,4 +1,4 @@
-"""What flightbed needs to know of an aircraft that ships with JSBSim and is used as it is, without an overlay."""
+"""Aircraft that ship with JSBSim, used unchanged, without an overlay."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from flightbed.errors import AircraftError
 
 @dataclass(frozen=True)
 class StockAircraft:
-    """An aircraft as JSBSim ships it: its own control system is inside, controls are normalized commands.
+    """An aircraft as JSBSim ships it, with its own control system; the controls are normalized commands.
 
     Attributes:
-        name: its folder in the jsbsim package.
-        file: the aircraft file.
-        engine_files: the files of its engines; empty bytes for one that was not found.
-        engines: the kinds of them, ``"turbine"``, ``"piston"``, ``"turboprop"``, ``"rocket"``, ``"electric"``, ...
-        retractable: whether a leg of the landing gear can be retracted.
+        name: name of its folder in the jsbsim package.
+        file: content of the aircraft file.
+        engine_files: content of the engine files, one per engine; empty for a missing file.
+        engines: kind of each engine, ``"turbine"``, ``"piston"``, ``"turboprop"``, ``"rocket"``, ``"electric"``, ...
+        retractable: whether any leg of the landing gear can be retracted.
 
     """
 
@@ -31,8 +31,8 @@ class StockAircraft:
     retractable: bool
 
     @property
-    def silent(self) -> bytes:
-        """The aircraft file without its output and input elements: JSBSim would write files and open sockets."""
+    def without_io(self) -> bytes:
+        """The aircraft file without its output and input elements, for which JSBSim would write files and open sockets."""
         root = ET.fromstring(self.file)
         for element in root.findall("output") + root.findall("input"):
             root.remove(element)
@@ -40,7 +40,7 @@ class StockAircraft:
 
     @property
     def sha256(self) -> str:
-        """Hash of the files."""
+        """SHA-256 of the aircraft and engine files, hexadecimal."""
         return hashlib.sha256(b"".join((self.file, *self.engine_files))).hexdigest()
 
 
@@ -48,7 +48,7 @@ _PATH = re.compile(r"-?(/?[a-z][\w-]*(?:/[A-Za-z_][\w-]*(?:\[\d+\])?)+)")
 
 
 def references(files: Iterable[bytes]) -> set[str]:
-    """Return every property that model files refer to, as far as it is written out in full."""
+    """Return every property that model files refer to by its full path."""
     found = set()
     for file in files:
         try:
@@ -63,13 +63,16 @@ def references(files: Iterable[bytes]) -> set[str]:
 
 
 def engine_names(model: bytes) -> list[str]:
-    """Return the names of the engine files that an aircraft file refers to, one for each engine."""
+    """Return the names of the engine files that an aircraft file refers to, one per engine."""
     propulsion = ET.fromstring(model).find("propulsion")
     return [] if propulsion is None else [e.get("file", "") for e in propulsion.findall("engine")]
 
 
 def read_stock(name: str, model: bytes, engine: Callable[[str], bytes]) -> StockAircraft:
-    """Read an aircraft file. Raises AircraftError for one that is no aircraft."""
+    """Read an aircraft file; ``engine`` returns the content of an engine file by name.
+
+    Raises AircraftError for a file that is not XML, or has no wing area or aerodynamics.
+    """
     try:
         root = ET.fromstring(model)
         files = tuple(engine(file) for file in engine_names(model))
@@ -77,6 +80,8 @@ def read_stock(name: str, model: bytes, engine: Callable[[str], bytes]) -> Stock
     except ET.ParseError as error:
         raise AircraftError(f"aircraft {name}: not readable: {error}") from None
     if root.find("aerodynamics") is None or root.find("metrics/wingarea") is None:
-        raise AircraftError(f"aircraft {name}: has no wing area and aerodynamics: nothing to trim")
+        raise AircraftError(
+            f"aircraft {name}: has no wing area or no aerodynamics; choose an aircraft that can be trimmed"
+        )
     retractable = any((e.text or "").strip() not in ("", "0") for e in root.iter("retractable"))
     return StockAircraft(name, model, files, kinds, retractable)

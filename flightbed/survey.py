@@ -1,4 +1,4 @@
-"""Trim and linear models at conditions given by the user: one, or a sweep of them."""
+"""Trim points and linear models at the user's conditions: a single one, or a sweep."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT, KT
 
 MOST = 100_000  # conditions of one sweep
-STOCK = "jsbsim:"  # prefix: the aircraft as JSBSim ships it, also where an overlay has the same name
+STOCK = "jsbsim:"  # prefix that selects the stock aircraft where an overlay has the same name
 _SPEEDS = {"mach": ("mach", 1.0), "tas_fps": ("tas_m_s", FT), "cas_kt": ("cas_m_s", KT)}
 
 
 @dataclass(frozen=True)
 class Query:
-    """What the user asks for, in the user's units; exactly one speed."""
+    """A flight condition, in the user's units, with exactly one speed."""
 
     altitude_ft: float
     mach: float | None = None
@@ -44,14 +44,14 @@ class Query:
 
     @property
     def speed(self) -> tuple[str, float]:
-        """Which speed was given, and its value."""
+        """Name and value of the given speed. Raises InputError unless exactly one is given."""
         given = [(name, value) for name in _SPEEDS if (value := getattr(self, name)) is not None]
         if len(given) != 1:
             raise InputError("give exactly one of --mach, --tas-fps and --cas-kt")
         return given[0]
 
     def __str__(self) -> str:
-        """In words, for messages."""
+        """Describe the condition, for messages."""
         name, value = self.speed
         words = {
             "mach": f"Mach {value:.2f}" if round(value, 2) == value else f"Mach {value:g}",
@@ -77,7 +77,7 @@ class Point:
 
 
 def find_aircraft(name: str) -> Aircraft | StockAircraft:
-    """Read an aircraft: shipped with an overlay, a folder, or one of JSBSim's own. Raises UnknownNameError, AircraftError."""
+    """Read a shipped overlay, a folder or a stock JSBSim aircraft. Raises UnknownNameError, AircraftError."""
     if name.startswith(STOCK):
         return stock_aircraft(name.removeprefix(STOCK))
     if name in data.names("aircraft"):
@@ -92,7 +92,7 @@ def find_aircraft(name: str) -> Aircraft | StockAircraft:
 
 
 def axis(text: str, option: str) -> tuple[float, ...]:
-    """Read a number, a list ``0.6,0.8``, or a range ``0.6:0.9:0.1`` that includes its end. Raises InputError."""
+    """Parse a number, a list ``0.6,0.8``, or a range ``0.6:0.9:0.1`` that includes its end. Raises InputError."""
     try:
         parts = [float(part) for part in text.split(":" if ":" in text else ",")]
     except ValueError:
@@ -115,7 +115,7 @@ def queries(altitudes_ft: tuple[float, ...], speed: str, values: tuple[float, ..
 
 
 def airframe_at(aircraft: Aircraft | StockAircraft, query: Query) -> JsbsimAirframe:
-    """Build the equations of motion at a condition. Raises InputError for one that makes no sense."""
+    """Build the equations of motion at a condition. Raises InputError for a value out of range."""
     name, value = query.speed
     if not value > 0.0:
         raise InputError(f"--{name.replace('_', '-')}: must be above 0 (got {value:g})")
@@ -148,19 +148,19 @@ def trim_at(aircraft: Aircraft | StockAircraft, query: Query) -> tuple[JsbsimAir
     try:
         return airframe, _trim(airframe, query)
     except NoTrimError as error:
-        doubt = airframe.doubt()
-        error.args = (f"no trim at {query}: {error}{f'; {doubt}' if doubt else ''}",)
+        problem = airframe.engine_problem()
+        error.args = (f"no trim at {query}: {error}{f'; {problem}' if problem else ''}",)
         raise
 
 
 def nearest_feasible(aircraft: Aircraft | StockAircraft, query: Query) -> dict[str, float]:
-    """Look for the nearest condition that can be trimmed, moving one quantity at a time.
+    """Find the nearest conditions that can be trimmed, changing one quantity at a time.
 
-    Load factor or bank are moved toward level flight, the altitude down, the speed up and down to thrice and a third; each by
-    steps of 5 % (1000 ft), then bisected to 0.1 % (10 ft).
+    Load factor and bank change toward level flight, altitude downward, speed upward and downward (up to three times and down to a third);
+    each in steps of 5 % (1000 ft), followed by bisection to 0.1 % (10 ft).
 
     Returns:
-        name of the quantity (as in Query; ``"..._above"`` and ``"..._below"`` for speeds) -> value; only those found.
+        name of the quantity (as in Query; ``"..._above"`` and ``"..._below"`` for speeds) -> value; quantities without a trim are absent.
 
     """
 

@@ -1,4 +1,4 @@
-"""Where the tables and switches of a JSBSim model have kinks."""
+"""Breakpoints of the tables and switches of a JSBSim model."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import xml.etree.ElementTree as ET
 
 
 def breakpoints(model: bytes, path: str) -> tuple[float, ...]:
-    """Return all values of a property at which a table has a breakpoint or a switch a threshold, sorted.
+    """Return the values of a property at table breakpoints and switch thresholds, sorted, in the property's unit.
 
     Args:
-        model: the aircraft file.
-        path: the property, for example ``velocities/mach``.
+        model: content of the model file.
+        path: property, for example ``velocities/mach``.
 
     """
     root = ET.fromstring(model)

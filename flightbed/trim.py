@@ -1,4 +1,4 @@
-"""Airframe -> TrimPoint: steady flight (level, climbing, pulling up, turning), or the reason why there is none."""
+"""Airframe -> TrimPoint: steady flight (level, climb, pull-up, turn), or the reason for a failed trim."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ Vector = npt.NDArray[np.float64]
 Residual = Callable[[Vector], Vector]
 
 TOLERANCE = 1e-10  # largest residual of an accepted trim (g, rad/s^2); the contract promises 1e-8
-ACCEPTED = 1e-7  # of an aircraft that does not answer twice alike: its own control system moves between evaluations
+# Largest residual for an aircraft whose response is not repeatable because its own control system moves between evaluations.
+ACCEPTED = 1e-7
 _STARTS = (
     (2.0, -1.0, 0.25),
     (10.0, -2.0, 0.3),
@@ -34,9 +35,9 @@ class TrimPoint:
     """Steady flight of an airframe. SI, radians.
 
     Attributes:
-        motion: alpha, theta and the rest; airspeed and altitude of the condition.
-        controls: elevator, throttle, aileron, rudder, in the airframe's units.
-        residual: largest of |V'|/g, V|alpha'|/g, V|beta'|/g, |q'|, |p'| and |r'| (g, rad/s^2) at the point.
+        motion: state of motion at the airspeed and altitude of the condition.
+        controls: elevator, throttle, aileron, rudder, in the units of the airframe's inputs.
+        residual: largest of |V'|/g, V|alpha'|/g, V|beta'|/g, |q'|, |p'| and |r'| (g, rad/s^2).
 
     """
 
@@ -46,37 +47,37 @@ class TrimPoint:
 
     @property
     def airspeed_m_s(self) -> float:
-        """True airspeed."""
+        """True airspeed, m/s."""
         return self.motion.airspeed_m_s
 
     @property
     def altitude_m(self) -> float:
-        """Geometric altitude."""
+        """Geometric altitude, m."""
         return self.motion.altitude_m
 
     @property
     def alpha_rad(self) -> float:
-        """Angle of attack."""
+        """Angle of attack, rad."""
         return self.motion.alpha_rad
 
     @property
     def theta_rad(self) -> float:
-        """Pitch attitude."""
+        """Pitch attitude, rad."""
         return self.motion.theta_rad
 
     @property
     def gamma_rad(self) -> float:
-        """Flight-path angle."""
+        """Flight-path angle, rad."""
         return asin(self.motion.climb_m_s / self.motion.airspeed_m_s)
 
     @property
     def elevator_rad(self) -> float:
-        """Elevator position, of an airframe whose elevator is one."""
+        """Elevator position, rad; for a stock aircraft the normalized elevator command."""
         return self.controls.elevator
 
     @property
     def throttle_norm(self) -> float:
-        """Throttle command."""
+        """Throttle command, 0 to 1."""
         return self.controls.throttle
 
 
@@ -87,27 +88,32 @@ def trim(
 
     Level or climbing flight, a pull-up (``load_factor``: q = (n - cos gamma) g / V with everything else steady, as at the bottom
     of a loop), or a steady turn (``bank_rad``: turn rate g tan(phi) / (V cos gamma), theta from the rate-of-climb constraint of
-    Stevens and Lewis, Aircraft Control and Simulation, eq 3.6-3). Aileron, rudder and sideslip join the unknowns when the flight is not
-    symmetric. An airframe without an engine glides: the flight-path angle takes the throttle's place.
+    Stevens and Lewis, Aircraft Control and Simulation, eq 3.6-3). In asymmetric flight the unknowns include aileron, rudder and
+    sideslip. An airframe without an engine glides: the flight-path angle replaces the throttle as an unknown.
 
-    Damped Newton from several starts on the residuals of the equations; a bounded least-squares search afterwards only to say
-    what is wrong when none converges inside the limits.
+    The method is a damped Newton iteration from several starts. If none converges within the limits, a bounded least-squares search
+    finds the nearest point, for the error message.
 
     Args:
         airframe: the equations of motion at one altitude, with ``airspeed_m_s`` of the condition.
         gamma_rad: flight-path angle, rad.
         load_factor: lift over weight in a pull-up, g; None for steady flight.
-        bank_rad: bank of a steady turn, right positive, rad.
+        bank_rad: bank angle of a steady turn, right positive, rad.
 
     Raises:
-        InputError: a load factor and a bank together, or a flight-path angle for a glider.
-        NoTrimError: no equilibrium within the limits; carries the nearest point, its residual and what binds.
+        InputError: a load factor and a bank angle together, or a flight-path angle for a glider.
+        NoTrimError: no equilibrium within the limits; carries the nearest point, its residual and the active limits.
 
     """
     if load_factor is not None and bank_rad:
-        raise InputError("a load factor is for a pull-up with wings level; in a turn it follows from the bank")
+        raise InputError(
+            f"load_factor: must not be given with a bank angle (got {load_factor:g}); in a turn it follows from the bank angle"
+        )
     if gamma_rad and not airframe.powered:
-        raise InputError(f"{airframe.name} has no engine: its flight-path angle cannot be chosen, it follows")
+        raise InputError(
+            f"gamma: must be 0 for {airframe.name}, which has no engine (got {gamma_rad / DEG:g} deg); "
+            "the flight-path angle of a glide follows from the trim"
+        )
     problem = _Problem(airframe, gamma_rad, load_factor, bank_rad)
     outside: Vector | None = None
     for alpha_deg, elevator, throttle in _STARTS:
@@ -139,7 +145,7 @@ class _Problem:
         if lateral:
             symmetric = np.array([1.0 * DEG, 0.0, 0.3 if airframe.powered else 0.0])
             rates = self._rates(symmetric)
-            # beta' of a symmetric aircraft is not quite zero on a rotating earth.
+            # On a rotating earth beta' of a symmetric aircraft is not exactly zero.
             self._lateral = bool(bank_rad) or max(abs(rates[3]), abs(rates[4]), abs(rates[5])) > 1e-6
             if self._lateral:
                 limits += [(-20.0 * DEG, 20.0 * DEG), *((i.low, i.high) for i in lateral)]
@@ -195,7 +201,7 @@ def _jacobian(residual: Residual, steps: Vector, x: Vector) -> Vector:
 
 
 def _newton(residual: Residual, x: Vector, steps: Vector) -> Vector | None:
-    """Return a root, inside or outside the limits, or None when the iteration does not get there."""
+    """Return a root, inside or outside the limits, or None if the iteration does not converge."""
     r = residual(x)
     largest = np.array([0.1, 1e4 * steps[1], 0.2, *(1e4 * steps[3:])])
     for _ in range(40):
@@ -206,7 +212,7 @@ def _newton(residual: Residual, x: Vector, steps: Vector) -> Vector | None:
             step = np.linalg.solve(_jacobian(residual, steps, x), -r)
         except np.linalg.LinAlgError:
             return None
-        # Damped: short enough to stay in the tables, and never uphill.
+        # Damping: the step stays within the tables and never increases the residual.
         step *= min(1.0, 1.0 / float(np.max(np.abs(step) / largest) + 1e-300))
         for _ in range(6):
             trial = residual(x + step)
@@ -220,8 +226,8 @@ def _newton(residual: Residual, x: Vector, steps: Vector) -> Vector | None:
 
 
 def _search(problem: _Problem) -> tuple[Vector, Vector]:
-    """Return the point within the limits whose residuals are least in the mean square, and its residuals."""
-    from scipy.optimize import least_squares  # slow to import, and only needed here
+    """Return the point within the limits that minimizes the sum of squared residuals, and its residuals."""
+    from scipy.optimize import least_squares  # slow to import, needed only here
 
     lower, upper = problem.low, problem.high
     inside = 1e-5 * (upper - lower)
@@ -242,7 +248,7 @@ def _search(problem: _Problem) -> tuple[Vector, Vector]:
 
 
 def _no_trim(problem: _Problem, x: Vector, r: Vector, outside: Vector | None) -> NoTrimError:
-    """Say why: which limit a trim would break, or which equation cannot be met and what binds there."""
+    """Build the error: the limit that a trim would exceed, or the unsatisfied equation and the active limits."""
     lower, upper = problem.low, problem.high
     margin = 1e-3 * (upper - lower)
     at_min, at_max = x <= lower + margin, x >= upper - margin
@@ -252,7 +258,7 @@ def _no_trim(problem: _Problem, x: Vector, r: Vector, outside: Vector | None) ->
         if low or high
     ]
     worst = int(np.argmax(np.abs(r)))
-    # A trim outside the limits is worth telling only where the bounded search leans on the same limit.
+    # A trim outside the limits explains the failure only if the bounded search ends at the same limit.
     needs = (
         []
         if outside is None
@@ -267,7 +273,7 @@ def _no_trim(problem: _Problem, x: Vector, r: Vector, outside: Vector | None) ->
     why = "; ".join(needs) or f"nearest point {nearest}" + (
         f", at the limit of {' and '.join(binding)}" if binding else ""
     )
-    why += f", where the forces jump at alpha {jumps[0] / DEG:.3g} deg: none lies between" if jumps else ""
+    why += f", where the forces are discontinuous at alpha {jumps[0] / DEG:.3g} deg" if jumps else ""
     return NoTrimError(
         f"{why} (residual {abs(r[worst]):.2g} {_UNITS[worst]} in {_EQUATIONS[worst]})",
         nearest={_key(problem, n): float(v) for n, v in zip(problem.names, x, strict=True)},

@@ -1,4 +1,4 @@
-"""How far the linear model is from the nonlinear aircraft: small doublets of the surfaces through both."""
+"""Validation of a linear model: responses of the linear model and of the nonlinear aircraft to small doublets."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Matrix = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Validation:
-    """Largest difference between the two responses at one plant rate, per state, relative to the largest response.
+    """Errors of the linear model's response at one plant rate.
 
     Attributes:
-        plant_hz: the rate.
-        errors: state -> error.
+        plant_hz: plant rate, Hz.
+        errors: state -> largest difference between the two responses, relative to the largest response.
 
     """
 
@@ -39,19 +39,23 @@ def validate(
     amplitude: float = 0.05 * DEG,
     duration_s: float = 2.0,
 ) -> tuple[Validation, ...]:
-    """Fly doublets, one second long, through JSBSim and through the linear model: of the elevator, then of the rudder.
+    """Compare JSBSim and the linear model in one-second doublets of the elevator and of the rudder.
 
-    The first is compared in airspeed, alpha, theta, q and altitude, the second in beta, phi, p, r and psi. The overlay's elevator
-    actuator is added to the linear model; a stock aircraft's own actuators and filters are not, and show as a difference. From the
-    nonlinear response a flight without the doublet is subtracted: an aircraft that burns fuel does not stay at trim quite. What
-    remains is JSBSim's integration step (the error falls with it) and what is nonlinear at this amplitude.
+    The elevator doublet is compared in airspeed, alpha, theta, q and altitude, the rudder doublet in beta, phi, p, r and psi. The linear
+    model includes the overlay's elevator actuator; it does not include the actuators and filters of a stock aircraft, which therefore
+    appear as errors. A flight without the doublet is subtracted from the nonlinear response, because an aircraft that burns fuel
+    departs slowly from trim. The remaining error has two sources: JSBSim's integration step (the error decreases with the step) and
+    nonlinearity at this amplitude.
 
     Args:
-        airframe: the condition.
+        airframe: the nonlinear aircraft at its condition.
         model: its full linear model.
-        plant_hz: rates to fly at.
-        amplitude: of the doublets, in the unit of the input.
-        duration_s: of the flights.
+        plant_hz: plant rates, Hz.
+        amplitude: amplitude of the doublets, in the unit of the input.
+        duration_s: duration of each flight, s.
+
+    Returns:
+        One Validation per plant rate.
 
     """
     trim = model.trim
@@ -60,7 +64,7 @@ def validate(
         model = model.with_actuator("elevator", airframe.aircraft.actuator.lag_rad_s)
     n = len(model.states)
 
-    def flown(hz: int, control: str, size: float) -> Matrix:
+    def fly(hz: int, control: str, size: float) -> Matrix:
         place = Controls._fields.index(control)
         commands = []
         for k in range(round(duration_s * hz)):
@@ -78,7 +82,7 @@ def validate(
             for k in range(round(duration_s * hz)):
                 x = discrete.A @ x + discrete.b * amplitude * _doublet(k / hz)
                 predicted.append(x[: len(STATES)].copy())
-            response = flown(hz, control, amplitude) - flown(hz, control, 0.0)
+            response = fly(hz, control, amplitude) - fly(hz, control, 0.0)
             error = np.max(np.abs(response - np.array(predicted)), axis=0) / np.max(np.abs(response), axis=0)
             errors |= {name: float(error[STATES.index((name, unit))]) for name, unit in states}
         results.append(Validation(hz, errors))

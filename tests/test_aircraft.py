@@ -1,4 +1,4 @@
-"""The overlay: K = 1 is the stock aircraft, no feedback is left in, and every edit is checked."""
+"""The overlay: K = 1 equals the stock aircraft, pitch has no feedback, and every edit is verified."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _settle(fdm: jsbsim.FGFDMExec, point: tuple[float, ...]) -> None:
 
 @pytest.mark.parametrize("point", POINTS)
 def test_full_effectiveness_equals_the_stock_aircraft(f16: Aircraft, point: tuple[float, ...]) -> None:
-    """Same deflection, same forces and moments, every one of them, symmetric or not."""
+    """Equal deflections give equal forces and moments, in symmetric and asymmetric flight."""
     stock, ours = _stock(), Fdm(f16, 0.005).exec
     ours["fcs/fbw-override"] = 1
     stock["fcs/elevator-cmd-norm"] = point[7] / 25.0
@@ -74,7 +74,7 @@ def test_full_effectiveness_equals_the_stock_aircraft(f16: Aircraft, point: tupl
 
 
 def _tables(aircraft: Aircraft, elevator_deg: float, *, moment: float, force: float) -> dict[str, float]:
-    """Return drag, lift and pitching moment by the tail's tables, and all loads, with these shares left."""
+    """Return drag, lift and pitching moment of the tail's tables, and all loads, for the two shares."""
     fdm = Fdm(aircraft, 0.005).exec
     fdm[aircraft.properties["effectiveness"]], fdm[aircraft.properties["elevator_force"]] = moment, force
     fdm["fcs/elevator-cmd-rad"] = elevator_deg * DEG
@@ -87,7 +87,7 @@ _FUNCTION = {name: f"aero/coefficient/{name}" for name in ("CDDh", "CLDh", "CmDh
 
 
 def test_the_shares_scale_the_deflection_each_in_its_tables(f16: Aircraft) -> None:
-    """A share of 0.4 at 10 deg is all of 4 deg: in the moment's table, in those of drag and lift, and in every load with both."""
+    """A share of 0.4 at 10 deg equals a share of 1 at 4 deg: in the moment's table, in those of drag and lift, and in all loads."""
     ten, four = (_tables(f16, deg, moment=1.0, force=1.0) for deg in (10.0, 4.0))
     assert all(abs(ten[path] / four[path] - 1.0) > 0.01 for path in _FUNCTION.values())
     moment, force = _tables(f16, 10.0, moment=0.4, force=1.0), _tables(f16, 10.0, moment=1.0, force=0.4)
@@ -100,7 +100,7 @@ def test_the_shares_scale_the_deflection_each_in_its_tables(f16: Aircraft) -> No
 
 
 def test_trim_and_linearization_scale_moment_and_force_alike(f16: Aircraft) -> None:
-    """K = 0.5 at twice the deflection is the healthy aircraft, in every derivative; b is half of it."""
+    """K = 0.5 at twice the deflection has all derivatives of the healthy aircraft, and half of b."""
     from flightbed.linearize import linearize
     from flightbed.plant.airframe import JsbsimAirframe
     from flightbed.trim import trim
@@ -128,7 +128,7 @@ def test_the_aircraft_has_no_pitch_feedback_of_its_own(f16: Aircraft) -> None:
     assert positions == {-0.03}
     for _ in range(200):
         fdm.run()
-    assert abs(fdm["velocities/q-rad_sec"] - 0.5) > 0.05  # it moved
+    assert abs(fdm["velocities/q-rad_sec"] - 0.5) > 0.05  # the aircraft has moved
     assert fdm["fcs/elevator-pos-rad"] == -0.03
 
 
@@ -157,14 +157,14 @@ def test_cg_shift_makes_it_less_stable(f16: Aircraft) -> None:
         airframe = JsbsimAirframe(f16, mach=0.6, altitude_m=6096.0, cg_shift_cbar=shift)
         return float(linearize(airframe, trim(airframe)).A[3, 1])
 
-    # Measured once by moving the reference point by hand: -0.465, +2.16, +4.60.
+    # Regression values from a manual move of the reference point: -0.465, +2.16, +4.60.
     assert [m_alpha(s) for s in (0.0, 0.05, 0.10)] == pytest.approx([-0.465, 2.16, 4.60], abs=0.01)
 
 
 def test_a_stock_model_with_another_hash_is_refused(f16: Aircraft) -> None:
     other = dataclasses.replace(f16, stock_sha256="0" * 64)
     stock = Path(jsbsim.get_default_root_dir(), f16.stock_file).read_bytes()
-    with pytest.raises(AircraftError, match="sha256 78edd9053433.*written for 000000000000"):
+    with pytest.raises(AircraftError, match="must have sha256 000000000000.*got 78edd9053433"):
         other.patch(stock)
 
 
@@ -173,7 +173,10 @@ def test_a_stock_model_with_another_hash_is_refused(f16: Aircraft) -> None:
     [
         ({"do": "replace-channel", "channel": "Pich", "with": "pitch.xml"}, "expected one channel Pich, found 0"),
         ({"do": "rewire", "from": "fcs/elevator-pos-rad", "to": {"x": ["aero/coefficient/CmDh"]}}, "found it in"),
-        ({"do": "rewire", "from": "fcs/elevator-pos-rad", "to": "x"}, "to must say which functions read what"),
+        (
+            {"do": "rewire", "from": "fcs/elevator-pos-rad", "to": "x"},
+            "to: must list the functions of each new property",
+        ),
         ({"do": "remove-functions", "functions": ["aero/nope"]}, "no function aero/nope"),
         ({"do": "remove-systems", "systems": ["nope"]}, "no system nope"),
         ({"do": "frobnicate"}, "frobnicate"),
@@ -188,7 +191,7 @@ def test_an_edit_that_does_not_fit_names_itself(f16: Aircraft, edit: dict[str, o
 
 
 def test_a_folder_of_the_users_own_works(tmp_path: Path) -> None:
-    """Copied beside, with a slower actuator: the numbers arrive in the model."""
+    """A copied folder with a slower actuator: the model has the changed numbers."""
     own = tmp_path / "slow"
     own.mkdir()
     for file in data.find("aircraft", "f16").iterdir():
@@ -205,12 +208,12 @@ def test_a_folder_of_the_users_own_works(tmp_path: Path) -> None:
     ("file", "old", "new", "message"),
     [
         ("aircraft.toml", "lag_rad_s = 20.2", "lag_rad_s = 0", r"aircraft\.toml: elevator\.lag_rad_s: must be above 0 \(got 0\)"),
-        ("aircraft.toml", "max_deg = 25.0", "max_deg = -30", r"elevator\.min_deg, max_deg: must rise \(got -25\.0, -30\)"),
+        ("aircraft.toml", "max_deg = 25.0", "max_deg = -30", r"elevator\.min_deg, max_deg: must be in ascending order \(got -25\.0, -30\)"),
         ("aircraft.toml", "lag_rad_s = 20.2", "lag_rads = 20.2", r"unknown key elevator\.lag_rads; did you mean lag_rad_s\?"),
         ("aircraft.toml", "rate_limit_deg_s = 60.0", "", r"elevator\.rate_limit_deg_s is missing"),
-        ("aircraft.toml", '"pitch.xml"', '"pich.xml"', r"names the file pich\.xml, which is not beside it"),
+        ("aircraft.toml", '"pitch.xml"', '"pich.xml"', r"refers to the file pich\.xml; put it into the same folder"),
         ("aircraft.toml", "name =", "name", r"aircraft\.toml: "),
-        ("pitch.xml", "fcs/elevator-effectiveness", "fcs/elevator-effectivenes", r"pitch\.xml refers to fcs/elevator-effectivenes, which JSBSim does not have"),
+        ("pitch.xml", "fcs/elevator-effectiveness", "fcs/elevator-effectivenes", r"pitch\.xml: JSBSim has no property fcs/elevator-effectivenes"),
         ("pitch.xml", "</channel>", "", r"edits\.\d+ \(replace-channel\): no element found|aircraft own: "),
     ],
 )  # fmt: skip
@@ -225,7 +228,7 @@ def test_mistakes_in_a_copied_folder_are_one_line(tmp_path: Path, file: str, old
     assert "\n" not in str(caught.value)
 
 
-def test_folders_that_are_none_say_so(tmp_path: Path) -> None:
+def test_invalid_folders_are_reported(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=r"unknown aircraft 'f61'.*did you mean f16"):
         load_aircraft("f61")
     with pytest.raises(InputError, match=r"has no aircraft\.toml"):
@@ -238,7 +241,7 @@ def test_folders_that_are_none_say_so(tmp_path: Path) -> None:
 
 
 def test_wings_are_levelled_and_nothing_else(f16: Aircraft) -> None:
-    """From 5 deg of bank the wings come level within seconds; at no bank the aileron stays exactly where it is."""
+    """From a bank of 5 deg the wings level within seconds; at zero bank the aileron does not move at all."""
     level = (0.6, 20000, 2.754, 0.0, 0.0, 0.0, 0.0, 0.0, 0.273)  # trimmed, and stable in pitch
     fdm = Fdm(f16, 0.005).exec
     fdm["fcs/elevator-cmd-rad"] = -1.241 * DEG
@@ -252,6 +255,6 @@ def test_wings_are_levelled_and_nothing_else(f16: Aircraft) -> None:
 
 
 def test_nothing_of_the_stock_file_is_shipped() -> None:
-    """No table of the GPL model stands in the overlay folder."""
+    """The overlay folder contains no table of the GPL model."""
     for file in data.find("aircraft", "f16").iterdir():
         assert "tableData" not in file.read_text()

@@ -1,4 +1,4 @@
-"""What a report is made of: cells as text and as JSON."""
+"""Content of reports: cells as text and as JSON."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ def test_each_kind_of_cell_as_text(cell: Cell, spec: str, shown: str) -> None:
 
 def test_a_table_shows_its_numbers_as_each_column_says() -> None:
     table = Table("t", "", ("plain", "K"), [], {"K": ".2f"})
-    assert table.shown([0.123456, 0.123456]) == ["0.1235", "0.12"]
+    assert table.cell_texts([0.123456, 0.123456]) == ["0.1235", "0.12"]
     with pytest.raises(ValueError, match="shorter"):
-        table.shown([1.0])
+        table.cell_texts([1.0])
 
 
 def test_parts_are_found_in_order() -> None:

@@ -44,7 +44,7 @@ def test_the_same_drawing_is_the_same_bytes_whatever_was_drawn_before() -> None:
 
 
 def test_it_is_one_svg_element_with_readable_text() -> None:
-    """No declaration and no doctype, that it may stand in a page; text stays text, escaped."""
+    """No declaration and no doctype, so that a page can embed the SVG; text remains text, escaped."""
     svg = draw()
     assert svg.startswith("<svg")
     root = ET.fromstring(svg)

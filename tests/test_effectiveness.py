@@ -30,13 +30,13 @@ def _fly_all(study: Any) -> Any:
     return lambda jobs: [study.fly(job) for job in jobs]
 
 
-# Prototype: median error, RMS of the smoothed estimate, tracking (None: not told), in the order of the study's rows.
+# Prototype: median error, RMS of the smoothed estimate, tracking (None: unknown), in the order of the study's rows.
 PROTOTYPE = ((0.004, 0.011, 1.93), (0.002, 0.010, 2.61), (0.004, 0.013, 1.82), (0.005, 0.016, 2.32), (0.014, 0.043, None),
              (None, 0.011, None), (0.020, 0.03, None))  # fmt: skip
 
 
 def test_conditions_are_as_good_as_the_prototype(study: Any) -> None:
-    """4 seeds; half a unit of the prototype's last digit is its rounding."""
+    """4 seeds; the tolerance includes the prototype's rounding, half a unit of its last digit."""
     for (name, base), (error, smoothed, _) in zip(study.CONDITIONS, PROTOTYPE, strict=True):
         flights = [study.fly({**base, "seed": seed}) for seed in range(4)]
         assert not any(f["departed"] for f in flights), name
@@ -86,10 +86,8 @@ def test_shipped_losses_are_flown_to_their_end(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "error", "tracking"), [("structural-damage", 0.004, 2.1), ("elevator-and-cg", 0.052, 3.6)]
 )
-def test_damage_that_the_model_does_not_know_of_is_survived_and_the_fixed_law_departs(
-    name: str, error: float, tracking: float
-) -> None:
-    """Two seeds of docs/effectiveness.md's twenty, with their 95th percentiles and a tenth."""
+def test_unmodelled_damage_is_survived_and_the_fixed_law_departs(name: str, error: float, tracking: float) -> None:
+    """Two seeds of the twenty of docs/effectiveness.md, with their 95th percentiles and a tenth."""
     for seed in range(2):
         metrics = run(load_scenario(name, [f"seed={seed}"])).metrics
         assert not metrics.departed
@@ -98,8 +96,8 @@ def test_damage_that_the_model_does_not_know_of_is_survived_and_the_fixed_law_de
     assert run(load_scenario(name, ["adaptation.enabled=false"])).metrics.departed
 
 
-def test_a_shifted_cg_is_taken_for_effectiveness_and_sigma_does_not_know(study: Any) -> None:
-    """The study's row: the estimate is wrong by many sigma while nothing but K is modelled."""
+def test_a_shifted_cg_biases_the_estimate_beyond_its_sigma(study: Any) -> None:
+    """Row of the study: the error of the estimate is many sigma when the model has only K as unknown."""
     rows = dict(study.DAMAGE)
     found = study.fly(rows["K 0.2, c.g. +3%"])["estimators"]["scheduled"]
     plain = study.fly(rows["moment 0.2, force 0.2"])["estimators"]["scheduled"]
@@ -107,7 +105,7 @@ def test_a_shifted_cg_is_taken_for_effectiveness_and_sigma_does_not_know(study: 
     assert found["nees_mean_post"] > 20.0 > 2.0 > plain["nees_mean_post"]
 
 
-def test_what_the_scenarios_are_for() -> None:
+def test_the_scenarios_have_their_purpose() -> None:
     assert run(
         load_scenario("marginal-authority", ["adaptation.limit_command=false", "failures.0.to=0.08"])
     ).metrics.departed
@@ -126,7 +124,7 @@ def test_the_oracle_and_the_errors_of_the_model_do_what_they_say() -> None:
     assert np.array_equal(oracle.trace["q_deg_s"], blind.trace["q_deg_s"])  # no estimate is used
     biased = run(load_scenario("elevator-loss", ["model_error.cm_delta=1.1", "failures.0.to=0.5"]))
     late = biased.trace["scheduled.effectiveness"][600:]
-    assert np.median(late) == pytest.approx(0.5 / 1.1, abs=0.01)  # K b is a product: nothing can tell them apart
+    assert np.median(late) == pytest.approx(0.5 / 1.1, abs=0.01)  # only the product K b is observable
     heavy = run(load_scenario("nominal", ["model_error.fuel_lbs=-2000", "duration_s=3"]))
     normal = run(load_scenario("nominal", ["duration_s=3"]))
     assert heavy.trace["nz_g"][0] == pytest.approx(20630 / 18630 * normal.trace["nz_g"][0], rel=0.02)

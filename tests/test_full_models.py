@@ -47,7 +47,7 @@ def _identified(signal: np.ndarray, every: int, hz: int) -> complex:
     ],
 )
 def test_modes_against_the_aircrafts_free_response(name: str, query: Query, mode_name: str, state: str) -> None:
-    """Displaced along the mode's shape and let go, the nonlinear aircraft oscillates with the eigenvalue within 2 %."""
+    """Released from the mode's shape, the nonlinear aircraft oscillates with the eigenvalue within 2 %."""
     point = linearize_at(find_aircraft(name), query)
     (mode,) = [m for m in modes(point.model) if m.name == mode_name]
     values, vectors = np.linalg.eig(point.model.A)
@@ -70,9 +70,9 @@ def test_a_turn_is_steady_and_coordinated(f16: Aircraft) -> None:
     response = airframe.respond(point.motion, point.controls)
     turn = G0 * np.tan(50 * DEG) / point.airspeed_m_s
     assert response.rates.psi == pytest.approx(turn, rel=1e-9)
-    assert np.max(np.abs(np.array(response.rates)[:9])) < 1e-7  # nothing else moves
+    assert np.max(np.abs(np.array(response.rates)[:9])) < 1e-7  # all other states are steady
     assert response.nz_g == pytest.approx(1 / np.cos(50 * DEG), rel=0.01)
-    assert abs(response.ny_g) < 0.02  # the ball is in the middle
+    assert abs(response.ny_g) < 0.02  # coordinated turn
     flown = airframe.free_flight(point.motion, point.controls, [point.controls] * 800, hz=400)
     assert flown[-1, 9] == pytest.approx(2.0 * turn, rel=2e-3)
     assert flown[-1, 6] == pytest.approx(50 * DEG, abs=0.1 * DEG)
@@ -104,7 +104,7 @@ def test_parts_are_the_blocks_of_the_full_model(f16: Aircraft) -> None:
     eigenvalues = np.sort_complex(model.eigenvalues())
     halves = [model.subset(name) for name in ("longitudinal", "lateral")]
     together = np.sort_complex(np.concatenate([half.eigenvalues() for half in halves]))
-    np.testing.assert_allclose(together, eigenvalues, atol=2e-4)  # the earth's rotation couples them a little
+    np.testing.assert_allclose(together, eigenvalues, atol=2e-4)  # weak coupling by the earth's rotation
     for name, (states, inputs, loads) in PARTS.items():
         part = model.subset(name)
         assert [n for n, _ in part.states] == list(states)
@@ -152,12 +152,12 @@ def test_lateral_modes_have_their_names() -> None:
     assert "lateral phugoid" in names(7.0, -0.1, -40.0)
 
 
-def test_stock_aircraft_say_what_is_inside(tmp_path: Path) -> None:
+def test_stock_aircraft_report_their_control_system(tmp_path: Path) -> None:
     done = flightbed("linearize", "c172x", "--cas-kt", "100", "--altitude-ft", "3000", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert "the aircraft's own control system is inside" in done.stdout
+    assert "the model includes the aircraft's own control system" in done.stdout
     assert max(map(len, done.stdout.splitlines())) <= 80
-    assert list(tmp_path.iterdir()) == []  # JSBSim's own output is off
+    assert list(tmp_path.iterdir()) == []  # JSBSim writes no output files
     printed = json.loads(
         flightbed(
             "linearize", "jsbsim:f16", "--mach", "0.62", "--altitude-ft", "20500", "--format", "json", cwd=tmp_path
@@ -165,8 +165,10 @@ def test_stock_aircraft_say_what_is_inside(tmp_path: Path) -> None:
     )
     jsonschema.validate(printed, SCHEMA)
     assert [i["unit"] for i in printed["inputs"]] == ["1"] * 4
-    assert printed["trim"]["elevator_deg"] == pytest.approx(-1.2, abs=0.3)  # the surface, though the input is a command
-    assert "own, inside" in printed["sources"]["control_system"]
+    assert printed["trim"]["elevator_deg"] == pytest.approx(
+        -1.2, abs=0.3
+    )  # position of the surface; the input is a command
+    assert "own, included" in printed["sources"]["control_system"]
 
 
 def test_steady_and_frozen_engines_differ_where_they_should() -> None:
@@ -174,7 +176,7 @@ def test_steady_and_frozen_engines_differ_where_they_should() -> None:
     steady, frozen = (
         linearize_at(cessna, Query(altitude_ft=3000, cas_kt=100, engine=e)).model for e in ("steady", "frozen")
     )
-    # At held propeller speed thrust falls faster with airspeed than when the propeller speeds up with it.
+    # At constant propeller speed thrust decreases faster with airspeed than at a propeller speed that follows.
     assert frozen.A[0, 0] < 1.1 * steady.A[0, 0] < 0.0
     np.testing.assert_allclose(frozen.A[3, [1, 3]], steady.A[3, [1, 3]], rtol=1e-3)
     assert ("throttle", "1") in steady.inputs
@@ -190,7 +192,7 @@ def test_a_glider_glides_at_its_drag_over_lift() -> None:
     assert "throttle" not in dict(
         linearize_at(find_aircraft("sgs126"), Query(altitude_ft=3000, cas_kt=50)).model.inputs
     )
-    with pytest.raises(InputError, match="has no engine"):
+    with pytest.raises(InputError, match="which has no engine"):
         trim_at(find_aircraft("sgs126"), Query(altitude_ft=3000, cas_kt=50, gamma_deg=2.0))
 
 
@@ -215,19 +217,19 @@ def test_the_nearest_feasible_condition_is_one(f16: Aircraft, tmp_path: Path) ->
     trim_at(f16, Query(altitude_ft=near["altitude_ft"], mach=0.30))
     with pytest.raises(NoTrimError):
         trim_at(f16, Query(altitude_ft=near["altitude_ft"] + 40, mach=0.30))
-    with pytest.raises(NoTrimError, match="nearest that can be trimmed: Mach ") as caught:
+    with pytest.raises(NoTrimError, match="nearest conditions with a trim: Mach ") as caught:
         trim_all(f16, [query], "table", None)
     assert caught.value.feasible == near
     done = flightbed("trim", "f16", "--mach", "0.6", "--load-factor", "9", cwd=tmp_path)
     assert done.returncode == 3
-    assert " g" in done.stderr.partition("nearest that can be trimmed")[2]
+    assert " g" in done.stderr.partition("nearest conditions with a trim")[2]
 
 
 def test_every_kind_of_model_validates_against_the_schema(f16: Aircraft) -> None:
     point = linearize_at(f16, LEVEL)
     for part in ("full", "longitudinal", "lateral", "short-period"):
-        told = document(point, part=part, actuator=part != "lateral")
-        jsonschema.validate(json.loads(json.dumps(told)), SCHEMA)
+        model = document(point, part=part, actuator=part != "lateral")
+        jsonschema.validate(json.loads(json.dumps(model)), SCHEMA)
     turning = linearize_at(f16, Query(altitude_ft=20500, mach=0.6, bank_deg=45.0))
     jsonschema.validate(json.loads(json.dumps(document(turning))), SCHEMA)
     broken = document(point)
@@ -255,7 +257,7 @@ def test_a_sweep_to_parquet_with_its_picture(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["map.png", "sweep.parquet"]
 
 
-def test_the_picture_marks_what_cannot_be_trimmed(f16: Aircraft) -> None:
+def test_the_picture_marks_conditions_without_a_trim(f16: Aircraft) -> None:
     queries = [Query(altitude_ft=h, mach=m) for h in (20000, 30000) for m in (0.5, 0.6)]
     rows = [row(linearize_at(f16, q)) for q in queries]
     whole = draw("f16", queries, rows, ".svg")
@@ -268,20 +270,20 @@ def test_the_picture_marks_what_cannot_be_trimmed(f16: Aircraft) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["linearize", "c172x", "--cas-kt", "100", "--effectiveness", "0.5"], "c172x has no overlay: the effectiveness of its elevator"),
-        (["linearize", "c172x", "--cas-kt", "100", "--altitude-ft", "3000", "--actuator"], "--actuator: c172x has no overlay"),
-        (["linearize", "f16", "--mach", "0.7", "--actuator", "--part", "lateral"], "--actuator: the elevator is not an input of the lateral"),
-        (["linearize", "f16", "--mach", "0.6,0.7", "--part", "lateral"], "--part, --actuator: a sweep's table has one line"),
-        (["linearize", "f16", "--mach", "0.7", "--picture", "a.png"], "--picture: needs a sweep of at least two speeds"),
+        (["linearize", "c172x", "--cas-kt", "100", "--effectiveness", "0.5"], "effectiveness: c172x is a stock aircraft"),
+        (["linearize", "c172x", "--cas-kt", "100", "--altitude-ft", "3000", "--actuator"], "--actuator: stock aircraft c172x has no actuator data"),
+        (["linearize", "f16", "--mach", "0.7", "--actuator", "--part", "lateral"], "--actuator: adds the actuator of the elevator"),
+        (["linearize", "f16", "--mach", "0.6,0.7", "--part", "lateral"], "--part, --actuator: the table of a sweep has no matrices"),
+        (["linearize", "f16", "--mach", "0.7", "--picture", "a.png"], "--picture: needs a sweep with at least two speeds"),
         (["linearize", "f16", "--mach", "0.6,0.7", "--picture", "a.bmp"], "--picture a.bmp: must end in .png, .svg, .pdf"),
         (["trim", "f16", "--mach", "0.7", "--bank-deg", "90"], "--bank-deg: must be between -85 and 85 (got 90)"),
         (["trim", "f16", "--mach", "0.7", "--load-factor", "50"], "--load-factor: must be between -10 and 20 (got 50)"),
-        (["trim", "f16", "--mach", "0.7", "--format", "parquet"], "--format parquet: is binary; name a file with -o"),
-        (["trim", "blank", "--mach", "0.7"], "aircraft blank: has no wing area and aerodynamics: nothing to trim"),
+        (["trim", "f16", "--mach", "0.7", "--format", "parquet"], "--format parquet: is a binary format; name a file with -o"),
+        (["trim", "blank", "--mach", "0.7"], "aircraft blank: has no wing area or no aerodynamics"),
         (["trim", "jsbsim:f61", "--mach", "0.7"], "unknown JSBSim aircraft 'f61'; did you mean f16?"),
     ],
 )  # fmt: skip
-def test_new_options_refuse_what_makes_no_sense(tmp_path: Path, arguments: list[str], message: str) -> None:
+def test_invalid_options_are_rejected(tmp_path: Path, arguments: list[str], message: str) -> None:
     assert_one_clear_line(arguments, 2, message, cwd=tmp_path)
 
 

@@ -1,4 +1,4 @@
-"""The aircraft that is a linear model: against the thesis's printed numbers, and every way in which its file can be wrong."""
+"""Linear aircraft: against the thesis's printed numbers, and every error of its file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _changed(tmp_path: Path, old: str, new: str) -> LinearAircraft:
 
 
 def test_its_poles_are_the_ones_the_thesis_prints() -> None:
-    """To the four decimals that are printed; of a list of its coefficients rounded to four, no more is to be had."""
+    """To the four printed decimals, the accuracy of coefficients rounded to four decimals."""
     design = load_linear_aircraft("sillence").design
     A, b = design.with_actuator()
     assert sorted(np.linalg.eigvals(A).real) == pytest.approx([-20.0, -3.0691, 0.6737], abs=0.5e-4)
@@ -90,7 +90,7 @@ def test_each_error_is_one_clear_line(tmp_path: Path, old: str, new: str, messag
     assert caught.value.exit_code == 2
 
 
-def test_what_is_not_utf_8(tmp_path: Path) -> None:
+def test_a_file_that_is_not_utf_8(tmp_path: Path) -> None:
     (tmp_path / "aircraft.toml").write_bytes(TEXT.encode() + b"# \xff\n")
     for load in (load_linear_aircraft, load_flyable):
         with pytest.raises(AircraftError, match=r"aircraft\.toml: 'utf-8' codec can't decode") as caught:
@@ -98,7 +98,7 @@ def test_what_is_not_utf_8(tmp_path: Path) -> None:
         assert len(str(caught.value).splitlines()) == 1
 
 
-def test_what_is_not_toml_or_not_there(tmp_path: Path) -> None:
+def test_a_file_that_is_not_toml_or_is_missing(tmp_path: Path) -> None:
     folder = _folder(tmp_path, "schema = ")
     for load in (load_linear_aircraft, load_flyable):
         with pytest.raises(AircraftError, match=r"aircraft\.toml: Invalid value"):
@@ -134,7 +134,8 @@ def test_load_aircraft_refuses_a_linear_one() -> None:
     with pytest.raises(AircraftError) as caught:
         load_aircraft("sillence")
     assert str(caught.value).endswith(
-        "sillence/aircraft.toml: is a linear model already: it can be flown (flightbed run), not trimmed or linearized"
+        'sillence/aircraft.toml: kind: must be an overlay (got "linear"); fly a linear model with flightbed run, '
+        "it cannot be trimmed or linearized"
     )
 
 
@@ -150,14 +151,14 @@ def test_it_is_listed(tmp_path: Path) -> None:
 def test_it_cannot_be_trimmed_or_linearized(
     tmp_path: Path, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Whatever else is asked for or forgotten: a speed would not help."""
+    """This error comes first, whatever the other options."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("signal.signal", lambda *_: None)
     with pytest.raises(SystemExit) as ended:
         cli.main([arguments[0], "sillence", *arguments[1:]])
-    told = capsys.readouterr()
-    assert (ended.value.code, told.out, len(told.err.splitlines())) == (2, "", 1)
-    assert "sillence/aircraft.toml: is a linear model already: it can be flown (flightbed run), not trimmed" in told.err
+    printed = capsys.readouterr()
+    assert (ended.value.code, printed.out, len(printed.err.splitlines())) == (2, "", 1)
+    assert "sillence/aircraft.toml: kind: must be an overlay (got" in printed.err
     assert list(tmp_path.iterdir()) == []
 
 

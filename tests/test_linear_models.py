@@ -39,7 +39,7 @@ def test_modes_of_the_f16_have_their_names(f16: Aircraft) -> None:
     tucked = linearize_at(f16, Query(altitude_ft=20500, mach=0.85)).model
     assert _names(tucked).count("phugoid, real root") == 2  # speed-unstable: Mach tuck
     mixed = linearize_at(f16, Query(altitude_ft=20500, mach=0.72)).model
-    assert "third oscillation" in _names(mixed)  # a root of the short period has joined one of the phugoid
+    assert "third oscillation" in _names(mixed)  # a root of the short period forms a pair with one of the phugoid
 
 
 def test_modes_against_python_control(f16: Aircraft) -> None:
@@ -66,7 +66,7 @@ def _model(A: list[list[float]]) -> LinearModel:
 
 
 def _with_short_period(omega: float, zeta: float, n_alpha: float) -> LinearModel:
-    """A model whose short period and n/alpha are given; speed and attitude decoupled and slow."""
+    """A model with given short period and n/alpha; speed and attitude are decoupled and slow."""
     z = -n_alpha * 9.80665 / 200.0
     m_q = -2 * zeta * omega - z
     m_alpha = z * m_q - omega**2
@@ -124,7 +124,7 @@ def test_kinks_are_found_and_named(
 
 def test_a_flap_switch_under_the_point_is_found(f16: Aircraft) -> None:
     """Trimmed at the alpha of the leading-edge flap's switch, 5.00 deg: the slopes differ by the step of the switch."""
-    target = 0.0873 + 8e-6  # just above it: at the switch itself there is no trim, the forces jump
+    target = 0.0873 + 8e-6  # just above the switch, where the forces are discontinuous and no trim exists
     low, high = 0.45, 0.52
     while high - low > 1e-9:
         middle = (low + high) / 2
@@ -142,7 +142,7 @@ def test_a_flap_switch_under_the_point_is_found(f16: Aircraft) -> None:
     ]
     found = [k for k in kinks if k.column == "alpha" and k.row == "airspeed'"]
     assert len(found) == 1
-    # Forces right above and right below the switch, evaluated directly.
+    # Forces directly above and below the switch.
     assert found[0].jump == pytest.approx(at[1].rates.airspeed - at[0].rates.airspeed, rel=0.02)
     assert "alpha 5 deg" in found[0].where
 
@@ -224,7 +224,7 @@ def test_npz_and_mat_hold_named_arrays(f16: Aircraft, tmp_path: Path) -> None:
     assert binary({"x": np.eye(2)}, "npz") == binary({"x": np.eye(2)}, "npz")
 
 
-def test_a_sweep_marks_what_cannot_be_trimmed(tmp_path: Path) -> None:
+def test_a_sweep_marks_conditions_without_a_trim(tmp_path: Path) -> None:
     arguments = ["linearize", "f16", "--mach", "0.3:0.7:0.2", "--altitude-ft", "10500,40000"]
     done = flightbed(*arguments, "--format", "csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -245,7 +245,7 @@ def test_the_table_fits_80_columns_and_warns_of_kinks(tmp_path: Path) -> None:
     text = flightbed("linearize", "f16", "--mach", "0.8", cwd=tmp_path).stdout
     assert max(map(len, text.splitlines())) <= 80
     assert "short period, real root" in text
-    assert "warning: on a kink" in text
+    assert "warning: kink, mean slope" in text
     assert "level" not in text
     rated = flightbed("linearize", "f16", "--mach", "0.85", cwd=tmp_path).stdout
     assert "CAP" in rated
@@ -272,13 +272,13 @@ def test_trim_command_climbs_and_prints_json(f16: Aircraft, tmp_path: Path) -> N
         (["linearize", "f16", "--mach", "-1"], 2, "--mach: must be above 0 (got -1)"),
         (["linearize", "f16", "--mach", "0.5", "--altitude-ft", "-9"], 2, "--altitude-ft: must be between 0 and 100000 (got -9)"),
         (["linearize", "f16", "--mach", "0.5", "--effectiveness", "0"], 2, "--effectiveness: must be above 0 and at most 1 (got 0)"),
-        (["linearize", "f16", "--mach", "0.5", "--format", "mat"], 2, "--format mat: is binary; name a file with -o"),
-        (["linearize", "f16", "--mach", "0.5,0.6", "--format", "npz", "-o", "x"], 2, "holds one condition (2 are asked for)"),
-        (["linearize", "f16", "--mach", "0.5", "--validate", "--format", "csv"], 2, "--validate: is told in json"),
-        (["linearize", "f16", "--mach", "0.5,0.6", "--validate"], 2, "--validate: is told in json"),
-        (["linearize", "f16", "--mach", "0.5", "--control-hz", "50"], 2, "--control-hz: there is no discrete model in --format table"),
+        (["linearize", "f16", "--mach", "0.5", "--format", "mat"], 2, "--format mat: is a binary format; name a file with -o"),
+        (["linearize", "f16", "--mach", "0.5,0.6", "--format", "npz", "-o", "x"], 2, "must have a single condition (got 2)"),
+        (["linearize", "f16", "--mach", "0.5", "--validate", "--format", "csv"], 2, "--validate: needs --format json"),
+        (["linearize", "f16", "--mach", "0.5,0.6", "--validate"], 2, "--validate: needs --format json"),
+        (["linearize", "f16", "--mach", "0.5", "--control-hz", "50"], 2, "--control-hz: --format table has no discrete model"),
         (["linearize", "f16", "--mach", "0.5", "--control-hz", "0", "--format", "json"], 2, "--control-hz: must be above 0 (got 0)"),
-        (["linearize", "f16", "--mach", "0.1:1:0.001", "--altitude-ft", "0:40000:10"], 2, "a sweep has at most 100000 conditions"),
+        (["linearize", "f16", "--mach", "0.1:1:0.001", "--altitude-ft", "0:40000:10"], 2, "sweep: must have at most 100000 conditions"),
         (["linearize", "f16", "--mach", "0.5", "-o", "no/such/file"], 2, "-o no/such/file: cannot be written"),
         (["linearize", "f16", "--mach", "0.3", "--altitude-ft", "45000"], 3, "no trim at Mach 0.30, 45000 ft"),
         (["trim", "f16", "--mach", "1.5", "--altitude-ft", "0"], 3, "at the limit of throttle max"),
@@ -318,7 +318,7 @@ def test_the_aircraft_follows_the_linear_model_with_an_error_of_first_order_in_t
 def test_validate_is_printed(tmp_path: Path) -> None:
     arguments = ["linearize", "f16", "--mach", "0.72", "--altitude-ft", "20500", "--validate"]
     text = flightbed(*arguments, cwd=tmp_path).stdout
-    assert "against the aircraft at 200 Hz: airspeed" in text
+    assert "error against the aircraft at 200 Hz: airspeed" in text
     assert max(map(len, text.splitlines())) <= 80
     printed = json.loads(flightbed(*arguments, "--format", "json", cwd=tmp_path).stdout)
     assert [v["plant_hz"] for v in printed["validation"]] == [200, 400]
@@ -332,11 +332,11 @@ def test_authority_to_trim_is_where_the_trim_deflection_meets_the_stop(f16: Airc
     with pytest.raises(NoTrimError, match="at the limit of elevator min .* in pitch"):
         trim_at(f16, Query(altitude_ft=20500, mach=0.72, effectiveness=least * 0.98))
     weak = linearize_at(f16, Query(altitude_ft=20500, mach=0.72, effectiveness=0.5))
-    assert weak.authority.trim == pytest.approx(least, rel=1e-6)  # the same aircraft, asked at another K
+    assert weak.authority.trim == pytest.approx(least, rel=1e-6)  # the same aircraft, evaluated at another K
 
 
 def test_authority_to_hold_is_where_full_elevator_just_brings_the_mode_back(f16: Aircraft) -> None:
-    """Fly the short period with the elevator on its stop from 1 deg off trim: 2 % more K recovers, 2 % less is lost."""
+    """Fly the short period from 1 deg off trim with the elevator at its stop: 2 % more K recovers, 2 % less departs."""
     point = linearize_at(f16, Query(altitude_ft=20500, mach=0.78))
     design, hold = point.design, point.authority.hold
     assert hold is not None
@@ -353,5 +353,5 @@ def test_authority_to_hold_is_where_full_elevator_just_brings_the_mode_back(f16:
         return bool((left @ x) * np.sign(start) < abs(start))
 
     assert [recovers(1.02 * hold, side) for side in (1.0, -1.0)] == [True, True]
-    # The trim deflection is nose-up already: recovering from below trim, nose-up again, is the side that fails.
+    # The trim deflection is nose-up: recovery from below trim, also nose-up, is the critical side.
     assert [recovers(0.98 * hold, side) for side in (1.0, -1.0)] == [True, False]

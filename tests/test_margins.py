@@ -1,4 +1,4 @@
-"""Between which K a loop is stable: against eigenvalues of other matrices, against Sillence's boundary, and in flight."""
+"""Stability margins in K: against eigenvalues of independent matrices, against Sillence's boundary, and in flight."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flightbed.units import DEG
 
 
 def _radius(design: ShortPeriod, gains: Gains, K: float, believed: float, *, corrected: bool, effective: bool) -> float:
-    """Spectral radius of the sampled loop of (alpha, q, position, integral), built without the trick of the deflection that acts."""
+    """Spectral radius of the sampled loop of (alpha, q, position, integral), built without the state of the effective deflection."""
     A, b = design.with_actuator(K)
     Ad, Bd, *_ = cont2discrete((A, b[:, None], np.eye(3), np.zeros((3, 1))), 0.01)
     feedback = np.array([gains.alpha, gains.q, gains.elevator * (believed if effective else 1.0), gains.integral])
@@ -39,7 +39,7 @@ def test_the_loop_is_stable_inside_and_not_outside(
     gains = design_proportional(design) if law == "proportional" else design_integral(design)
     found = pitch_margins(design, lambda _K: gains, control_hz=100, corrected=corrected, effective=effective)
     checked = 0
-    for believed, low, high in zip(found.believed, found.low, found.high, strict=True):
+    for believed, low, high in zip(found.effectiveness_used, found.low, found.high, strict=True):
 
         def radius(K: float, believed: float = believed) -> float:
             return _radius(design, gains, K, believed, corrected=corrected, effective=effective)
@@ -54,16 +54,16 @@ def test_the_loop_is_stable_inside_and_not_outside(
     assert checked >= 10
 
 
-def test_with_a_law_designed_anew_every_k_has_margins_of_its_own(design: ShortPeriod) -> None:
+def test_a_redesigned_law_has_separate_margins_for_every_k(design: ShortPeriod) -> None:
     weights = PitchWeights(3.0 * DEG, 3.0 * DEG, 3.0 * DEG)
 
     def gains(K: float) -> Gains:
         return pitch_lq(design, weights, control_hz=100, effectiveness=K)
 
     found = pitch_margins(design, gains, control_hz=100, corrected=False, effective=False)
-    assert np.all(found.low < found.believed)
-    assert np.all(found.high > found.believed)
-    for believed, low, high in zip(found.believed, found.low, found.high, strict=True):
+    assert np.all(found.low < found.effectiveness_used)
+    assert np.all(found.high > found.effectiveness_used)
+    for believed, low, high in zip(found.effectiveness_used, found.low, found.high, strict=True):
         inside, outside = (
             _radius(design, gains(believed), K, believed, corrected=False, effective=False)
             for K in (1.01 * low, 0.99 * low)
@@ -73,7 +73,7 @@ def test_with_a_law_designed_anew_every_k_has_margins_of_its_own(design: ShortPe
 
 
 def test_sillence_s_boundary() -> None:
-    """His linear aircraft, law and actuator are on the boundary at K near 0.08 (S Table 2); sampling hardly moves it."""
+    """Sillence's linear aircraft, law and actuator reach the stability boundary near K = 0.08 (S Table 2); sampling hardly changes it."""
     planned = plan(load_scenario("thesis-loss", ["adaptation.enabled=false"]))
     assert planned.margins is not None
     low, _ = planned.margins.at(np.ones(1))
@@ -81,7 +81,7 @@ def test_sillence_s_boundary() -> None:
 
 
 @pytest.mark.parametrize(("left", "kept"), [(0.04, False), (0.5, True)])
-def test_the_trace_tells_whether_a_loss_is_inside(left: float, kept: bool) -> None:
+def test_the_trace_shows_whether_a_loss_is_inside(left: float, kept: bool) -> None:
     """Without correction, on the linear aircraft."""
     scenario = load_scenario("thesis-loss", ["adaptation.enabled=false", f"failures.0.to={left}", "duration_s=30"])
     trace, metrics = fly_plan(plan(scenario))
@@ -107,7 +107,7 @@ def test_aileron_and_rudder_together() -> None:
     assert 0.1 < found < 1.0
 
     def radius(ratios: tuple[float, float]) -> float:
-        """Of (beta, p, r, positions) with K as given, 1 believed."""
+        """Return the loop of (beta, p, r, positions) at the given K; the law uses K-hat = 1."""
         A, B = design.with_actuators(ratios)
         Ad, Bd, *_ = cont2discrete((A, B, np.eye(5), np.zeros((5, 2))), 0.01)
         return float(np.max(np.abs(np.linalg.eigvals(Ad - Bd @ law.F))))
@@ -118,8 +118,8 @@ def test_aileron_and_rudder_together() -> None:
     assert max(inside) < 1.0 < max(outside)
 
 
-def test_the_f16_s_roll_and_yaw_stay_stable_whatever_is_left() -> None:
-    """Its own modes are stable at Mach 0.8, and the law helps them."""
+def test_the_f16_s_roll_and_yaw_are_stable_at_any_effectiveness() -> None:
+    """The open-loop modes are stable at Mach 0.8, and the law adds damping."""
     planned = plan(load_scenario("aileron-loss"))
     assert planned.lateral is not None
     weights = RollYawWeights(2.0 * DEG, 20.0 * DEG, 10.0 * DEG, 10.0 * DEG, 10.0 * DEG)

@@ -141,7 +141,7 @@ def test_what_the_reader_sees(page: str) -> None:
     text = "".join(_Page(page).text)
     assert "0.50 [0.10, 0.90], never in 2 of 9" in text
     assert "1.00 [1.00, 1.00]; 1 of 2 gone at 3.00 s [3.00, 3.00]" in text
-    verdicts = ["The computation agrees.", "The computation does not bear this out.", "These runs do not settle it."]
+    verdicts = ["The computation agrees.", "The computation disagrees.", "These runs do not decide."]
     assert [text.count(verdict) for verdict in verdicts] == [1, 1, 1]
     assert sorted(verdicts, key=text.index) == verdicts
     claims = [str(a["class"]) for _, a in _Page(page).elements if str(a.get("class")).startswith("claim")]

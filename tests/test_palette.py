@@ -1,4 +1,4 @@
-"""The colours: seen on white and on a viewer's near-black, told apart by the colour-blind."""
+"""The colours: contrast on white and on the viewer's near-black, and distinguishable with colour blindness."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_every_colour_stands_out_from_light_and_dark(name: str, background: str)
 
 
 @pytest.mark.parametrize("who", SEEN)
-def test_all_colours_are_told_apart(who: str) -> None:
+def test_all_colours_are_distinguishable(who: str) -> None:
     """A difference of 2.3 can just be seen side by side; 12 in thin lines."""
     for a, b in combinations(COLORS, 2):
         difference = np.linalg.norm(_lab(SEEN[who] @ _linear(COLORS[a])) - _lab(SEEN[who] @ _linear(COLORS[b])))
@@ -63,7 +63,7 @@ def test_colours_of_series_are_of_the_palette_and_begin_again() -> None:
     assert palette.run(len(palette.RUNS)) == palette.run(0)
 
 
-def test_between() -> None:
-    assert palette.between("#000000", "#ff8000", 0.5) == (128, 64, 0)
-    assert palette.between("#102030", "#405060", -1.0) == (16, 32, 48)
-    assert palette.between("#102030", "#405060", 2.0) == (64, 80, 96)
+def test_blend() -> None:
+    assert palette.blend("#000000", "#ff8000", 0.5) == (128, 64, 0)
+    assert palette.blend("#102030", "#405060", -1.0) == (16, 32, 48)
+    assert palette.blend("#102030", "#405060", 2.0) == (64, 80, 96)

@@ -37,7 +37,7 @@ def _model(aircraft: Aircraft, mach: float, altitude_ft: float) -> tuple[TrimPoi
 
 
 def _fdm(aircraft: Aircraft, mach: float, altitude_ft: float) -> jsbsim.FGFDMExec:
-    """An FDM at a condition, with the elevator actuator's lag taken out.
+    """Return an FDM at a condition, without the lag of the elevator actuator.
 
     With the lag in, FGLinearization's alpha row of B is wrong: it reads alpha-dot one frame late.
     """
@@ -79,11 +79,11 @@ def test_model_against_jsbsims_own_linearizer(f16: Aircraft, mach: float, altitu
     states, inputs = list(own.x_names), list(own.u_names)
     rows = [states.index(name) for name in ("Vt", "Alpha", "Theta", "Q", "Alt", "Beta", "Phi", "P", "R", "Psi")]
     columns = [inputs.index(name) for name in ("DeCmd", "ThtlCmd")]
-    si = np.array([FT, 1.0, 1.0, 1.0, FT, *[1.0] * 5])  # their speed and altitude are in ft
+    si = np.array([FT, 1.0, 1.0, 1.0, FT, *[1.0] * 5])  # JSBSim's speed and altitude are in ft
     A = np.array(own.system_matrix)[np.ix_(rows, rows)] * si[:, None] / si
     B = np.array(own.input_matrix)[np.ix_(rows, columns)] * si[:, None]
     B[:, 0] /= f16.actuator.max_rad  # per rad: full command is the stop
-    # What a state's typical motion (5 m/s, 0.02 rad, 0.02 rad, 0.05 rad/s, 100 m) does to each rate; 0.02 rad, 0.05 throttle.
+    # Effect of typical motions (5 m/s, 0.02 rad, 0.02 rad, 0.05 rad/s, 100 m; 0.02 rad, 0.05 throttle) on each rate.
     x, u = np.array([5.0, 0.02, 0.02, 0.05, 100.0, 0.02, 0.02, 0.05, 0.05, 0.02]), np.array([0.02, 0.05])
     size = np.max(np.abs(np.hstack([A * x, B * u])), axis=1, keepdims=True) + 1e-12
     np.testing.assert_array_less(np.abs(model.A - A) * x / size, 1e-4)
@@ -98,7 +98,7 @@ def test_model_against_jsbsims_own_linearizer(f16: Aircraft, mach: float, altitu
 def test_model_against_a_least_squares_fit(
     rng: np.random.Generator, f16: Aircraft, mach: float, altitude_ft: float
 ) -> None:
-    """A second differentiator: linear regression over 120 random small motions about the trim point."""
+    """An independent method: linear regression over 120 random small motions about the trim point."""
     airframe = JsbsimAirframe(f16, mach=mach, altitude_m=altitude_ft * FT)
     point = trim(airframe)
     model = linearize(airframe, point)
@@ -109,7 +109,7 @@ def test_model_against_a_least_squares_fit(
     fit, *_ = np.linalg.lstsq(np.column_stack([offsets / size, np.ones(120)]), np.array(rates), rcond=None)
     J = np.hstack([model.A, model.B]) * size
     np.testing.assert_allclose(fit[:14].T, J, rtol=0, atol=1e-4 * float(np.max(np.abs(J))))
-    for block in (slice(0, 5), slice(5, 10)):  # each half by its own size
+    for block in (slice(0, 5), slice(5, 10)):  # longitudinal and lateral separately
         np.testing.assert_allclose(fit[:14].T[block], J[block], rtol=0, atol=3e-4 * float(np.max(np.abs(J[block]))))
 
 
@@ -144,8 +144,8 @@ def test_the_main_condition_is_open_loop_unstable(f16: Aircraft, design: ShortPe
 
 
 def test_linear_model_predicts_a_small_motion(f16: Aircraft) -> None:
-    """Rates at a point near trim: the model's error falls with the square of the distance."""
-    airframe = JsbsimAirframe(f16, mach=0.66, altitude_m=6200.0)  # off the breakpoints of the tables
+    """Rates at a point near trim: the model's error decreases with the square of the distance."""
+    airframe = JsbsimAirframe(f16, mach=0.66, altitude_m=6200.0)  # away from the breakpoints of the tables
     point = trim(airframe)
     model = linearize(airframe, point)
     errors = []
@@ -181,8 +181,8 @@ def test_no_trim_says_why(f16: Aircraft, mach: float, altitude_ft: float, bindin
     assert caught.value.exit_code == 3
 
 
-def test_a_trim_beyond_a_limit_is_named_with_what_it_needs(f16: Aircraft) -> None:
-    """Level flight at Mach 0.35, 40,000 ft needs 27.3 deg: with the limit set to 25 the message says so."""
+def test_a_trim_beyond_a_limit_reports_the_value_needed(f16: Aircraft) -> None:
+    """Level flight at Mach 0.35, 40,000 ft needs 27.3 deg: with a limit of 25 deg the message says so."""
     airframe = JsbsimAirframe(f16, mach=0.35, altitude_m=40000 * FT)
     assert trim(airframe).alpha_rad / DEG == pytest.approx(27.3, abs=0.05)
     airframe.alpha_limits_rad = (-10 * DEG, 25 * DEG)

@@ -1,4 +1,4 @@
-"""JSBSim as an airframe: derivatives of any motion, with hidden states settled, and free flight from any motion."""
+"""JSBSim as an airframe: derivatives of any motion at settled hidden states, and free flight from any motion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MOTION = (
     "velocities/vt-fps", "aero/alpha-rad", "attitude/theta-rad", "velocities/q-rad_sec", "position/h-sl-ft",
     "aero/beta-rad", "attitude/phi-rad", "velocities/p-rad_sec", "velocities/r-rad_sec", "attitude/psi-rad",
 )  # fmt: skip
-# In this order: attitude keeps the angle of attack, body velocities keep the attitude.
+# The order matters: setting the attitude keeps the angle of attack, setting body velocities keeps the attitude.
 _STATE = (
     "ic/h-sl-ft", "ic/phi-rad", "ic/theta-rad", "ic/psi-true-rad", "ic/u-fps", "ic/v-fps", "ic/w-fps",
     "ic/p-rad_sec", "ic/q-rad_sec", "ic/r-rad_sec",
@@ -36,7 +36,7 @@ _KINKS = {
     "beta": (("aero/beta-rad", 1.0), ("aero/beta-deg", DEG)),
     "altitude": (("atmosphere/density-altitude", FT), ("position/h-sl-ft", FT)),
 }
-_DRY = ("turbine", "rocket")  # engines that JSBSim settles itself while time stands still
+_SELF_SETTLING = ("turbine", "rocket")  # engines that JSBSim settles itself in a step of zero length
 _ELEVATOR, _THROTTLE = "fcs/elevator-cmd-norm", "fcs/throttle-cmd-norm"
 
 _BESIDE_MACH = 1e-9
@@ -46,25 +46,26 @@ Array = npt.NDArray[np.float64]
 
 
 class JsbsimAirframe:
-    """The equations of motion of an aircraft at one condition; an Airframe.
+    """The equations of motion of an aircraft at one condition; implements Airframe.
 
     Exactly one of mach, tas_m_s and cas_m_s gives the airspeed.
 
     Args:
-        aircraft: an overlay aircraft, or one of JSBSim's own.
+        aircraft: an overlay aircraft or a stock JSBSim aircraft.
         mach, tas_m_s, cas_m_s: Mach number, true airspeed, calibrated airspeed (m/s).
         altitude_m: geometric altitude above sea level, m.
         cg_shift_cbar: c.g. shift in mean chords, aft positive.
-        effectiveness: share of the elevator's deflection that acts, moment and force alike; overlay aircraft only.
-        engine: ``"steady"``: engines and propellers are at the steady state of every motion that is asked about; ``"frozen"``: spool,
-            propeller speed and manifold pressure stay where ``freeze`` left them, and the throttle is not an input.
+        effectiveness: elevator effectiveness K, of moment and force alike; overlay aircraft only.
+        engine: ``"steady"``: engines and propellers are at the steady state of each motion evaluated; ``"frozen"``: spool,
+            propeller speed and manifold pressure keep the values at ``freeze``, and the throttle is not an input.
 
     Attributes:
-        mach: Mach number of the condition, however it was given.
-        notes: what the inputs, the engine and the control system are, in words.
+        mach: Mach number of the condition, whichever speed was given.
+        notes: description of the inputs, the engine and the control system.
 
     Raises:
-        AircraftError: JSBSim cannot load the aircraft, or it has no controls.
+        AircraftError: JSBSim cannot load the aircraft, or it has no airplane controls.
+        InputError: an effectiveness other than 1 for a stock aircraft.
 
     """
 
@@ -85,19 +86,22 @@ class JsbsimAirframe:
         if len(speeds) != 1:
             raise TypeError("exactly one of mach, tas_m_s and cas_m_s must be given")
         if effectiveness != 1.0 and isinstance(aircraft, StockAircraft):
-            raise InputError(f"{aircraft.name} has no overlay: the effectiveness of its elevator cannot be changed")
+            raise InputError(
+                f"effectiveness: {aircraft.name} is a stock aircraft, its effectiveness cannot be changed "
+                f"(got {effectiveness:g}); use an overlay aircraft"
+            )
         self.name, self.aircraft, self._engine = aircraft.name, aircraft, engine
         self.altitude_m, self.effectiveness, self.cg_shift_cbar = altitude_m, effectiveness, cg_shift_cbar
         kinds = aircraft.engines if isinstance(aircraft, StockAircraft) else ("turbine",)
         self.powered = bool(kinds)
         self.throttle_acts = self.powered and engine == "steady"
-        self._settles_engines = any(kind not in _DRY for kind in kinds)
-        # A stock control system differentiates its inputs and feeds accelerations back a frame late: until both have come to rest.
+        self._settles_engines = any(kind not in _SELF_SETTLING for kind in kinds)
+        # A stock control system differentiates its inputs and feeds back accelerations one frame late: repeat until both settle.
         self._passes = 4 if isinstance(aircraft, StockAircraft) else 1
         self._fdm, self._controls = self._load(1.0 / 200.0)
         fdm = self._fdm
         fdm.set(*speeds[0])
-        # On a breakpoint of Mach number, round-off would throw switches to and fro as alpha and q are varied: step beside it.
+        # At a Mach breakpoint, round-off would toggle switches as alpha and q are varied: move slightly below the breakpoint.
         for kink in kinks(aircraft, "velocities/mach"):
             if abs(fdm.getter("ic/mach")() - kink) < _BESIDE_MACH:
                 fdm.set("ic/mach", kink - _BESIDE_MACH)
@@ -120,7 +124,7 @@ class JsbsimAirframe:
         self._position_unit = DEG if position and position.endswith("deg") else 1.0
 
     def _load(self, dt_s: float) -> tuple[Fdm, list[list[Callable[[float], object]]]]:
-        """Return a fresh FDM, configured, and for each control the setters that it needs."""
+        """Return a fresh, configured FDM and the property setters of each control."""
         aircraft, fdm = self.aircraft, Fdm(self.aircraft, dt_s)
         if isinstance(aircraft, Aircraft):
             fdm.configure(altitude_m=self.altitude_m, cg_shift_cbar=self.cg_shift_cbar)
@@ -145,18 +149,18 @@ class JsbsimAirframe:
         for path in (path for group in paths for path in group):
             if not fdm.has(path):
                 raise AircraftError(
-                    f"aircraft {aircraft.name}: has no {path}: it cannot be controlled like an airplane"
+                    f"aircraft {aircraft.name}: has no property {path}; choose an aircraft with airplane controls"
                 )
         return fdm, [[fdm.setter(path) for path in group] for group in paths]
 
     def _limits(self) -> tuple[tuple[float, float], tuple[Input, ...]]:
         aircraft = self.aircraft
-        command = "normalized command; the aircraft's own control system is inside"
+        command = "normalized command; the model includes the aircraft's own control system"
         if isinstance(aircraft, StockAircraft):
             names = ("elevator", "throttle", "aileron", "rudder")
             lows = (-1.0, 0.0, -1.0, -1.0)
             inputs = tuple(
-                Input(n, "1", low, 1.0, command if n != "throttle" else "normalized command, all engines alike")
+                Input(n, "1", low, 1.0, command if n != "throttle" else "normalized command, the same for all engines")
                 for n, low in zip(names, lows, strict=True)
             )
             return (-10.0 * DEG, 25.0 * DEG), inputs
@@ -168,7 +172,7 @@ class JsbsimAirframe:
                 "rad",
                 aircraft.lateral[name].min_rad,
                 aircraft.lateral[name].max_rad,
-                "surface position; the stock control law is out",
+                "surface position; the stock control law is bypassed",
             )
             if aircraft.lateral
             else Input(name, "1", -1.0, 1.0, command)
@@ -182,30 +186,30 @@ class JsbsimAirframe:
 
     @property
     def notes(self) -> dict[str, str]:
-        """What the inputs, the engine and the control system are."""
+        """Description of each input, the engine and the control system, by name."""
         engine = {
-            "steady": "at the steady state of every motion: spool, propeller speed and manifold pressure follow at once",
-            "frozen": "held as trimmed: thrust changes with speed and height alone, the throttle is not an input",
+            "steady": "at the steady state of every motion: spool, propeller speed and manifold pressure follow without delay",
+            "frozen": "held at trim: thrust changes only with speed and altitude, the throttle is not an input",
         }[self._engine]
         inputs = {i.name: i.source for i in self.inputs if i.name != "throttle" or self.throttle_acts}
         if isinstance(self.aircraft, StockAircraft):
-            control = "the aircraft's own, inside; lags and actuators settled, integrators held"
+            control = "the aircraft's own, included; lags and actuators settled, integrators held"
         elif self.aircraft.lateral:
             control = "none in pitch, roll and yaw; speed and altitude are free"
         else:
             control = "none in pitch; the stock laws in roll and yaw, settled, integrators held"
-        absent = {"absent": f"0 stands for {', '.join(self._fdm.absent)}"} if self._fdm.absent else {}
+        absent = {"absent": f"set to 0: {', '.join(self._fdm.absent)}"} if self._fdm.absent else {}
         return inputs | {"engine": engine if self.powered else "none", "control_system": control} | absent
 
     def freeze(self, motion: Motion, controls: Controls) -> None:
-        """Hold the engine, from now on, as it is in this motion."""
+        """Hold the engine at its state in this motion from now on; no effect unless ``engine`` is ``"frozen"``."""
         self._frozen_throttle = None
         self.respond(motion, controls)
         if self._engine == "frozen":
             self._frozen_throttle = controls.throttle
 
     def respond(self, motion: Motion, controls: Controls) -> Response:
-        """Return derivatives and load factors at a motion with the controls held there."""
+        """Return the derivatives and load factors of a motion with the controls held."""
         v, alpha, theta, q, altitude, beta, phi, p, r, psi = motion
         ca, sa, cb, sb = cos(alpha), sin(alpha), cos(beta), sin(beta)
         u, side, w = v * ca * cb, v * sb, v * sa * cb
@@ -247,7 +251,7 @@ class JsbsimAirframe:
             group[0](value)
 
     def breakpoints(self, quantity: str) -> Sequence[float]:
-        """Return where tables and switches have kinks: over ``"mach"``, ``"alpha"``, ``"beta"``, ``"altitude"`` or ``"elevator"``."""
+        """Return the kinks of tables and switches over ``"mach"``, ``"alpha"``, ``"beta"``, ``"altitude"`` or ``"elevator"``, SI."""
         return self._kinks[quantity]
 
     def thrust_n(self, motion: Motion, controls: Controls) -> float:
@@ -256,14 +260,14 @@ class JsbsimAirframe:
         return sum(get() for get in self._thrust) * LBF
 
     def elevator_position_rad(self, motion: Motion, controls: Controls) -> float | None:
-        """Return the surface position at a motion; None where JSBSim does not tell."""
+        """Return the surface position at a motion, rad; None if the aircraft has no such property."""
         if self._position is None:
             return None
         self.respond(motion, controls)
         return self._position() * self._position_unit
 
-    def doubt(self) -> str:
-        """Say what is wrong with the engines of a stock aircraft, when that is why it cannot be trimmed; empty if nothing is."""
+    def engine_problem(self) -> str:
+        """Report engines of a stock aircraft that do not run, a possible reason for a failed trim; empty if all run."""
         aircraft = self.aircraft
         if not (isinstance(aircraft, StockAircraft) and self._settles_engines):
             return ""
@@ -271,34 +275,37 @@ class JsbsimAirframe:
         self.respond(Motion(v, 0.03, 0.03, 0.0, self.altitude_m), Controls(0.0, 1.0))
         stopped = len(aircraft.engines) - self._fdm.engines_running(len(aircraft.engines))
         return (
-            f"{stopped} of {len(aircraft.engines)} engines do not run when JSBSim starts them and looks for their steady state"
+            f"{stopped} of {len(aircraft.engines)} engines do not run after JSBSim starts them and settles their steady state"
             if stopped
             else ""
         )
 
     def free_flight(self, motion: Motion, controls: Controls, commands: Iterable[Controls], *, hz: int) -> Array:
-        """Fly from a motion on a fresh FDM, actuators settled at ``controls``, then command.
+        """Fly a sequence of commands from a motion, on a fresh FDM with actuators settled at ``controls``.
 
-        The commands go through the aircraft's own actuators, where it has them. Returns one row of ten states (order of Motion) for
-        each command, after it was held for 1/hz s.
+        The commands pass through the aircraft's own actuators, if it has any.
+
+        Returns:
+            (n, 10) states in the order and units of Motion, each row 1/hz s after its command was set.
+
         """
-        here = JsbsimAirframe.__new__(JsbsimAirframe)
-        here.__dict__.update(self.__dict__)
-        here._fdm, here._controls = self._load(1.0 / hz)
-        here._set = [here._fdm.setter(path) for path in _STATE]
-        here._get = [here._fdm.getter(path) for path in _RESPONSE]
-        read = [here._fdm.getter(path) for path in _MOTION]
-        run, rows = here._fdm.exec.run, []
-        here._frozen_throttle = None
-        here.respond(motion, controls)
+        copy = JsbsimAirframe.__new__(JsbsimAirframe)
+        copy.__dict__.update(self.__dict__)
+        copy._fdm, copy._controls = self._load(1.0 / hz)
+        copy._set = [copy._fdm.setter(path) for path in _STATE]
+        copy._get = [copy._fdm.getter(path) for path in _RESPONSE]
+        read = [copy._fdm.getter(path) for path in _MOTION]
+        run, rows = copy._fdm.exec.run, []
+        copy._frozen_throttle = None
+        copy.respond(motion, controls)
         for command in commands:
-            here._command(command)
+            copy._command(command)
             run()
             rows.append([get() for get in read])
-        flown = np.array(rows)
-        flown[:, [0, 4]] *= FT
-        flown[:, 9] = np.unwrap(flown[:, 9]) - (2.0 * np.pi if flown[0, 9] > np.pi else 0.0)
-        return flown
+        states = np.array(rows)
+        states[:, [0, 4]] *= FT
+        states[:, 9] = np.unwrap(states[:, 9]) - (2.0 * np.pi if states[0, 9] > np.pi else 0.0)
+        return states
 
 
 def _indexed(path: str, i: int) -> str:

@@ -1,4 +1,4 @@
-"""What the loop asks of a plant, and what trim and linearization ask of an airframe."""
+"""Protocols: the plant of the simulation loop, and the airframe of trim and linearization."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ class Plant(Protocol):
     """An aircraft in flight: sense it, then advance it by one control period."""
 
     def sense(self, health: Health = HEALTHY) -> Truth:
-        """Return the truth at the present tick, from which on this is what is left of the aircraft."""
+        """Return the truth at the current tick; ``health`` applies from this tick on."""
 
     def advance(self, elevator_cmd_rad: float, health: Health, following: Health) -> None:
-        """Fly one control period with the command held and this left of the aircraft.
+        """Fly one control period with the elevator command held at this health.
 
-        ``following`` is what is left in the period after it. Raises ValueError for damage that the plant cannot fly.
+        ``following`` is the health in the next period. Raises ValueError for damage that the plant does not model.
         """
 
 
 class SteeredPlant(Plant, Protocol):
-    """A plant whose aileron and rudder are commanded, too."""
+    """A plant that also takes aileron and rudder commands."""
 
     def sense_lateral(self, health: Health) -> LateralTruth:
-        """Return the truth of roll and yaw at the present tick, from which on this is what is left of the aircraft."""
+        """Return the truth of roll and yaw at the current tick; ``health`` applies from this tick on."""
 
     def steer(self, aileron_cmd_rad: float, rudder_cmd_rad: float) -> None:
-        """Command aileron and rudder for the control period that ``advance`` will fly."""
+        """Command aileron and rudder for the control period that the next ``advance`` flies."""
 
 
 class ThrottledPlant(Plant, Protocol):
-    """A plant whose engine is commanded, too."""
+    """A plant that also takes a throttle command."""
 
     def throttle(self, throttle_norm: float) -> None:
-        """Command the engine, 0 to 1, for the control period that ``advance`` will fly, and from then on."""
+        """Command the engine, 0 to 1, from the control period that the next ``advance`` flies."""
 
 
 class Motion(NamedTuple):
-    """A state of motion of the rigid body. Airspeed m/s, altitude m, the rest rad and rad/s; wings level unless told."""
+    """State of motion of the rigid body. Airspeed m/s, altitude m, the rest rad and rad/s; the defaults are wings level."""
 
     airspeed_m_s: float
     alpha_rad: float
@@ -64,7 +64,7 @@ class Motion(NamedTuple):
 
 
 class Controls(NamedTuple):
-    """Controls held: a surface in rad (position, not command) or as a normalized command, as the airframe says; throttle 0 to 1."""
+    """Control inputs, held constant: surfaces as positions in rad or normalized commands (``Airframe.inputs``); throttle 0 to 1."""
 
     elevator: float
     throttle: float
@@ -88,7 +88,7 @@ class Rates(NamedTuple):
 
 
 class Response(NamedTuple):
-    """What the equations of motion say at a motion: its derivatives, and load factors, g: up at c.g. and pilot, right at the c.g."""
+    """Derivatives of a motion and its load factors, g: upward at the c.g. and at the pilot, to the right at the c.g."""
 
     rates: Rates
     nz_g: float
@@ -103,8 +103,8 @@ class Input:
     Attributes:
         name: ``"elevator"``, ``"throttle"``, ``"aileron"`` or ``"rudder"``.
         unit: ``"rad"`` for a surface position, ``"1"`` for a normalized command.
-        low, high: its stops, in that unit.
-        source: what it is, in words.
+        low, high: stops, in that unit.
+        source: description of the input.
 
     """
 
@@ -121,7 +121,7 @@ class Airframe(Protocol):
     name: str
     alpha_limits_rad: tuple[float, float]
     inputs: tuple[Input, ...]  # in the order of Controls
-    powered: bool  # without an engine trim is a glide
+    powered: bool  # False: no engine, trim is a glide
     throttle_acts: bool  # whether the throttle is an input of the linear model
     airspeed_m_s: float  # of the condition
     altitude_m: float  # of the condition
@@ -129,10 +129,10 @@ class Airframe(Protocol):
     span_m: float  # of the wing
 
     def respond(self, motion: Motion, controls: Controls) -> Response:
-        """Return derivatives and load factors at a motion with the controls held there."""
+        """Return the derivatives and load factors of a motion with the controls held."""
 
     def thrust_n(self, motion: Motion, controls: Controls) -> float:
         """Return the thrust of all engines, N."""
 
     def breakpoints(self, quantity: str) -> Sequence[float]:
-        """Return where tables and switches have kinks: over ``"mach"``, ``"alpha"``, ``"beta"``, ``"altitude"`` or ``"elevator"``."""
+        """Return the kinks of tables and switches over ``"mach"``, ``"alpha"``, ``"beta"``, ``"altitude"`` or ``"elevator"``, SI."""

@@ -1,9 +1,9 @@
-"""JSBSim as a plant. The only module that imports jsbsim.
+"""JSBSim's FDM executive: load a model, read and write its properties. The only module that imports jsbsim.
 
-What is handled here, because JSBSim does not say: the step must be set before the model is loaded (components copy it);
+This module handles undocumented properties of JSBSim: the step must be set before the model is loaded (components copy it);
 hidden states (actuator, kinematics) settle only while the trim flag is set; engines must run before the last run_ic;
-sea level is ground contact unless the terrain is lowered; a mistyped property is created silently and a read-only one
-swallows writes; a reused FDM is not bit-identical to a fresh one; one FDM loads one model.
+sea level is ground contact unless the terrain is lowered; JSBSim creates a mistyped property silently and ignores writes to a
+read-only one; a reused FDM is not bit-identical to a fresh one; one FDM loads one model.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from flightbed.tables import breakpoints
 from flightbed.units import FT, INCH, LB
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
-_REFERENCE = "metrics/aero-rp-x-in"  # of the aerodynamic moments
+_REFERENCE = "metrics/aero-rp-x-in"  # reference point of the aerodynamic moments
 
 
 class _Silent(jsbsim.DefaultLogger):
-    """Drops what JSBSim would print; what matters comes as an exception or a return value."""
+    """Discards JSBSim's messages; errors reach the caller as exceptions or return values."""
 
     def file_location(self, filename: str, line: int) -> None:
-        """Drop it."""
+        """Discard the location."""
 
     def message(self, message: str) -> None:
-        """Drop it."""
+        """Discard the message."""
 
 
-# JSBSim keeps one logger a thread, and one set in a worker thread brings the process down when that thread ends.
+# JSBSim keeps one logger per thread; a logger set in a worker thread crashes the process when that thread ends.
 if threading.current_thread() is threading.main_thread():
     jsbsim.set_logger(_Silent())
 
@@ -81,7 +81,7 @@ def stock_names() -> tuple[str, ...]:
 
 
 def stock_aircraft(name: str) -> StockAircraft:
-    """Read what flightbed needs to know of an aircraft that ships with JSBSim. Raises UnknownNameError, AircraftError."""
+    """Read an aircraft that ships with JSBSim. Raises UnknownNameError, AircraftError."""
     if name not in stock_names():
         raise UnknownNameError("JSBSim aircraft", name, stock_names())
     root = Path(jsbsim.get_default_root_dir())
@@ -94,7 +94,7 @@ def stock_aircraft(name: str) -> StockAircraft:
 
 
 class Fdm:
-    """One FGFDMExec with one model loaded, and its properties by name."""
+    """One FGFDMExec with one model loaded; gives access to its properties by name."""
 
     def __init__(self, aircraft: Overlay | StockAircraft, dt_s: float) -> None:
         root = Path(jsbsim.get_default_root_dir())
@@ -109,11 +109,11 @@ class Fdm:
             reason = " ".join(str(error).split())
             raise AircraftError(f"aircraft {aircraft.name}: JSBSim cannot load it: {reason}") from None
         if not loaded:
-            which = "stock" if isinstance(aircraft, StockAircraft) else "patched"
-            raise AircraftError(f"aircraft {aircraft.name}: JSBSim refuses the {which} model")
+            kind = "stock" if isinstance(aircraft, StockAircraft) else "patched"
+            raise AircraftError(f"aircraft {aircraft.name}: JSBSim cannot load the {kind} model")
         self._manager = self.exec.get_property_manager()
-        # Found at run time instead, a missing property would abort the process. A stock aircraft may count on those of a simulator
-        # around it: they are 0 here.
+        # A missing property would abort the process at run time, so all references are checked here. A stock aircraft may refer
+        # to properties of an enclosing simulator: they are created with the value 0.
         self.absent: tuple[str, ...] = ()
         if isinstance(aircraft, StockAircraft):
             files = [file.read_bytes() for file in sorted((_model_folder(aircraft) / aircraft.name).rglob("*.xml"))]
@@ -122,25 +122,25 @@ class Fdm:
                 self._manager.get_node(path, True)
         for file, path in () if isinstance(aircraft, StockAircraft) else aircraft.references():
             if self._manager.get_node(path) is None:
-                raise AircraftError(f"aircraft {aircraft.name}: {file} refers to {path}, which JSBSim does not have")
+                raise AircraftError(f"aircraft {aircraft.name}: {file}: JSBSim has no property {path}")
 
     def has(self, path: str) -> bool:
-        """Tell whether there is such a property."""
+        """Return whether the property exists."""
         return self._manager.get_node(path) is not None
 
     def node(self, path: str) -> jsbsim.FGPropertyNode:
-        """Return a property's node. Raises AircraftError if there is none."""
+        """Return a property's node. Raises AircraftError if the property does not exist."""
         node = self._manager.get_node(path)
         if node is None:
             raise AircraftError(f"JSBSim has no property {path}")
         return node
 
     def getter(self, path: str) -> Getter:
-        """Return what reads a property."""
+        """Return a function that reads a property. Raises AircraftError if the property does not exist."""
         return self.node(path).get_double_value
 
     def setter(self, path: str) -> Setter:
-        """Return what writes a property. Raises AircraftError for one that swallows writes."""
+        """Return a function that writes a property. Raises AircraftError for a read-only or missing property."""
         node = self.node(path)
         if not node.get_attribute(jsbsim.Attribute.WRITE):
             raise AircraftError(f"JSBSim's property {path} is read-only")
@@ -151,7 +151,7 @@ class Fdm:
         self.setter(path)(value)
 
     def configure(self, *, altitude_m: float, cg_shift_cbar: float, gear_up: bool = True) -> None:
-        """Clean configuration in free air, engine running, c.g. shifted aft."""
+        """Set a clean configuration out of ground effect, engines running; shift the c.g. aft by ``cg_shift_cbar`` mean chords."""
         self.set("ic/terrain-elevation-ft", _TERRAIN_FT)
         if gear_up:
             self.set("gear/gear-cmd-norm", 0.0)
@@ -162,15 +162,15 @@ class Fdm:
             self.set("propulsion/set-running", -1)
 
     def cg_shifter(self) -> Setter:
-        """Return what puts the c.g. so many mean chords aft of where it is now, before the flight or in it.
+        """Return a setter of the c.g. shift, in mean chords aft of the current position; usable before and during flight.
 
-        The aft c.g. is had by moving the aerodynamic reference point forward: same moments, same weight.
+        Moving the aerodynamic reference point forward represents an aft c.g. shift: same moments, same weight.
         """
         put, here, chord_ft = self.setter(_REFERENCE), self.getter(_REFERENCE)(), self.getter("metrics/cbarw-ft")()
         return lambda shift_cbar: put(here - shift_cbar * chord_ft * FT / INCH)
 
     def add_fuel(self, fuel_kg: float) -> None:
-        """Put fuel into the tanks, or take it out, in proportion to what they hold. Raises AircraftError if there is not as much."""
+        """Add fuel to the tanks, or remove it (negative), in proportion to their contents. Raises AircraftError below empty tanks."""
         if not fuel_kg:
             return
         paths = [f"propulsion/tank[{i}]/contents-lbs" if i else "propulsion/tank/contents-lbs" for i in range(99)]
@@ -178,24 +178,24 @@ class Fdm:
         total = sum(held.values())
         if total <= 0.0 or total + fuel_kg / LB < 0.0:
             raise AircraftError(
-                f"fuel: the tanks hold {total:.0f} lb, {-fuel_kg / LB:.0f} lb less cannot be flown (model_error.fuel_lbs)"
+                f"model_error.fuel_lbs: the tanks hold only {total:.0f} lb (got {fuel_kg / LB:.0f}); remove less fuel"
             )
         for path, pounds in held.items():
             self.set(path, pounds * (1.0 + fuel_kg / LB / total))
 
     def settle_engines(self) -> None:
-        """Run engines and propellers to their steady state, with the aircraft held."""
+        """Run engines and propellers to their steady state, the motion of the aircraft held."""
         self.exec.get_propulsion().get_steady_state()
 
     def engines_running(self, count: int) -> int:
-        """Return how many of so many engines run."""
+        """Return the number of running engines among the first ``count``."""
         paths = [
             "propulsion/engine/set-running" if i == 0 else f"propulsion/engine[{i}]/set-running" for i in range(count)
         ]
         return sum(self.has(path) and self.getter(path)() != 0.0 for path in paths)
 
     def settle(self) -> None:
-        """Apply the initial conditions with actuators and kinematics at their targets."""
+        """Apply the initial conditions, with actuators and kinematics at their targets."""
         self.exec.set_trim_status(True)
         self.exec.run_ic()
         self.exec.set_trim_status(False)
@@ -231,7 +231,7 @@ def _workspace() -> tempfile.TemporaryDirectory[str]:
 def _model_folder(aircraft: Overlay | StockAircraft) -> Path:
     """Write the model where JSBSim can load it; the folder goes with the process.
 
-    Of a stock aircraft it is a copy, with the systems and engines beside it, that writes no output files.
+    A stock aircraft is copied with its systems and engines, without the elements that write output files.
     """
     folder = Path(tempfile.mkdtemp(dir=_workspace().name))
     place = folder / aircraft.name
@@ -239,6 +239,6 @@ def _model_folder(aircraft: Overlay | StockAircraft) -> Path:
         shutil.copytree(Path(jsbsim.get_default_root_dir()) / "aircraft" / aircraft.name, place)
     else:
         place.mkdir()
-    model = aircraft.silent if isinstance(aircraft, StockAircraft) else _patched(aircraft)
+    model = aircraft.without_io if isinstance(aircraft, StockAircraft) else _patched(aircraft)
     (place / f"{aircraft.name}.xml").write_bytes(model)
     return folder

@@ -1,4 +1,4 @@
-"""The JSBSim properties that make a Truth, and how they do."""
+"""The JSBSim properties that the fields of Truth are computed from."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from math import pi
 from flightbed.compiling import compiled, plain
 from flightbed.units import FT, LBF
 
-# One for each field of Truth up to nz_g; then the forces and, last, the elevator, whose property the aircraft names.
+# One property per field of Truth up to nz_g, then the forces; the elevator comes last, its property is named by the aircraft.
 READ = (
     "aero/alpha-rad",
     "velocities/q-rad_sec",
@@ -25,7 +25,7 @@ READ = (
     "forces/fwx-aero-lbs",
     "forces/fbx-prop-lbs",
 )
-LATERAL = ("aero/beta-rad", "velocities/p-rad_sec", "velocities/r-rad_sec")  # of LateralTruth; then aileron and rudder
+LATERAL = ("aero/beta-rad", "velocities/p-rad_sec", "velocities/r-rad_sec")  # LateralTruth; aileron and rudder follow
 Fields = tuple[
     float, float, float, float, float, float, float, float, float, float, float,
     float, float, float, float, float, float, float, float, float, float,
@@ -39,7 +39,7 @@ def fields(
     latitude: float, longitude: float, nz: float, lift_lbs: float, drag_lbs: float, thrust_lbs: float, elevator: float,
     elevator_mean: float, effectiveness: float, elevator_force: float, cg_shift: float, gust_up_m_s: float, elevator_offset: float,
 ) -> Fields:  # fmt: skip
-    """Return the fields of a Truth, of where the flight began (with m per rad of latitude and longitude there) and what is read."""
+    """Return the fields of Truth from the initial position (with metres per radian of latitude and longitude) and JSBSim's values."""
     return (
         alpha, q, theta, phi, psi - 2.0 * pi if psi > pi else psi, airspeed_fps * FT, mach, altitude_ft * FT,
         (latitude - latitude_0) * north_m, (longitude - longitude_0) * east_m, nz, elevator, elevator_mean,

@@ -1,4 +1,4 @@
-"""What is shown of a flight: plots and their lines, from the columns that the trace has. No rerun in here."""
+"""Plots of a flight in the viewer and their lines, defined on the columns of the trace. Does not import rerun."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from flightbed.statistics import chi_square_bound
 from flightbed.trace import ACTING, GUST_ALPHA, Trace, Vector, true_share
 from flightbed.units import unit_of
 
-OVERVIEW, ESTIMATORS, AIRFRAME, TURNING = "Overview", "Estimators", "Airframe", "Roll and yaw"
-_LOWEST = 1e-4  # sigma that is told from 0 on a logarithmic axis
+OVERVIEW, ESTIMATORS, AIRFRAME, ROLL_YAW = "Overview", "Estimators", "Airframe", "Roll and yaw"
+_LOWEST = 1e-4  # lower limit of sigma on a logarithmic axis
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,13 @@ class Line:
     """A line of a plot: a column of the trace times a factor, or a constant.
 
     Attributes:
-        label: with its unit.
-        color: from the palette.
-        column: of the trace; empty for a constant.
-        factor: what the column is multiplied by; of a constant its value.
+        label: label with unit.
+        color: ``#rrggbb``, from the palette.
+        column: column of the trace; empty for a constant.
+        factor: multiplier of the column, or the value of a constant.
         width: points.
-        per: column that it is divided by; 0 where that is 0.
-        log: whether the logarithm to the base 10 is drawn, of at least 1e-4.
+        per: divisor column; the quotient is 0 where the divisor is 0.
+        log: whether to plot the decimal logarithm, of values clipped to at least 1e-4.
 
     """
 
@@ -42,7 +42,7 @@ class Line:
     log: bool = False
 
     def values(self, trace: Trace) -> Vector:
-        """Return one value per tick."""
+        """Return the values of the line (T,), one per tick."""
         if not self.column:
             return np.full(len(trace), self.factor)
         values = trace[self.column]
@@ -58,13 +58,13 @@ class Plot:
     """A plot over time.
 
     Attributes:
-        key: where its data are logged.
-        title: with the unit of its axis.
+        key: entity path of its data.
+        title: title with the unit of the axis.
         tab: page of the layout.
-        lines: what it shows.
-        range: of its axis; None lets the viewer choose.
-        estimator: index of the estimator that it is about, if it is about one.
-        bands: estimators whose K it shows with two standard deviations around it.
+        lines: lines of the plot.
+        range: range of the axis; None for automatic.
+        estimator: index of the estimator that the plot belongs to, if any.
+        bands: estimators whose K is plotted with a band of two standard deviations.
 
     """
 
@@ -86,21 +86,26 @@ def plots(
     readings: Mapping[str, float],
     certain: Collection[str] = (),
 ) -> tuple[Plot, ...]:
-    """Return the plots of a flight; what has no finite value in the trace has no line.
+    """Return the plots of a flight; a column without finite values has no line.
 
     Args:
         trace: the flight, or its first ticks.
-        stops_deg: lowest and highest deflection of each surface that is commanded; empty if it has none.
-        gusts, moves_cg: whether the scenario has gusts, or a c.g. that moves: they are plotted then.
-        readings: of estimators how many readings their NIS is of: the bound that 95 % of it stay below is drawn then.
-        certain: columns that have values even if the first ticks do not.
+        stops_deg: surface -> lowest and highest deflection, deg, for commanded surfaces; empty for a surface without stops.
+        gusts, moves_cg: whether the scenario has gusts or a c.g. shift in flight, which then have plots.
+        readings: estimator -> number of readings in its NIS; its plot then shows the 95 % bound.
+        certain: columns to plot even if the first ticks have no values.
 
     """
-    wanted = [*_overview(trace, stops_deg), *_estimators(trace, readings), *_airframe(), *_turning(trace, stops_deg)]
+    wanted = [
+        *_overview(trace, stops_deg),
+        *_estimators(trace, readings),
+        *_airframe(),
+        *_roll_and_yaw(trace, stops_deg),
+    ]
     kept = []
     for plot in wanted:
         lines = tuple(
-            line for line in plot.lines if not line.column or line.column in certain or _told(trace, line.column)
+            line for line in plot.lines if not line.column or line.column in certain or _has_values(trace, line.column)
         )
         if (
             any(line.column for line in lines)
@@ -112,7 +117,7 @@ def plots(
 
 
 def with_room(plot: Plot, trace: Trace) -> Plot:
-    """Return a plot whose axis shows at least two of the viewer's labels, which stand at powers of ten and their multiples."""
+    """Return a plot whose axis range contains at least two of the viewer's labels, which are multiples of a power of ten."""
     values = np.concatenate([line.values(trace) for line in plot.lines])
     values = values[np.isfinite(values)]
     if plot.range is not None or not values.size or not (span := float(np.ptp(values))) > 0.0:
@@ -123,7 +128,7 @@ def with_room(plot: Plot, trace: Trace) -> Plot:
     return replace(plot, range=(floor(low / step) * step - 0.08 * step, ceil(high / step) * step + 0.08 * step))
 
 
-def _told(trace: Trace, column: str) -> bool:
+def _has_values(trace: Trace, column: str) -> bool:
     return column in trace.columns and bool(np.any(np.isfinite(trace[column])))
 
 
@@ -133,7 +138,7 @@ def _line(label: str, color: str, column: str, factor: float = 1.0, width: float
 
 
 def _share(trace: Trace, surface: str, key: str, tab: str) -> Plot:
-    """Return the plot of K of a surface: every estimate of it, with its band, and the truth."""
+    """Return the plot of a surface's K: its estimates with their bands, and the truth."""
     names, numbers = of_surface(trace.estimators, surface), numbered(trace.estimators)
     gains = [
         _line(f"K {name}, smoothed", palette.estimate(numbers[name]), f"{name}.effectiveness_smoothed")
@@ -175,11 +180,11 @@ def _overview(trace: Trace, stops_deg: Mapping[str, Sequence[float]]) -> list[Pl
 
 
 def _estimators(trace: Trace, readings: Mapping[str, float]) -> list[Plot]:
-    # One innovation and one NIS an estimator, whatever it is of; they are those of its estimate of the elevator.
+    # Each estimator has one innovation and one NIS, recorded with its estimate of the elevator.
     names = of_surface(trace.estimators, "elevator")
     each = [plot for i, name in enumerate(names) for plot in _estimator(i, name, readings.get(name))]
     each += [plot for i, name in enumerate(names) for plot in _reconstruction(trace, i, name)]
-    # The bound first and wide: what reaches it is drawn on it.
+    # The bound comes first and wide, so that estimates that reach it remain visible on top.
     sigmas = [
         Line("Cramer-Rao bound", palette.OTHER, "effectiveness_bound", width=5.0, log=True),
         *(
@@ -208,7 +213,7 @@ def _estimator(index: int, name: str, readings: float | None) -> list[Plot]:
     return [
         Plot(
             f"innovation/{name}",
-            f"{name}: innovations over their sigma, 1; cut at 5",
+            f"{name}: innovations over their sigma, 1; clipped at 5",
             ESTIMATORS,
             (
                 innovation("alpha", palette.OTHER, "alpha", "deg"),
@@ -220,7 +225,7 @@ def _estimator(index: int, name: str, readings: float | None) -> list[Plot]:
         ),
         Plot(
             f"nis/{name}",
-            f"{name}: NIS, 1; cut at 15",
+            f"{name}: NIS, 1; clipped at 15",
             ESTIMATORS,
             (
                 _line("NIS", color, f"{name}.nis", width=1.0),
@@ -237,40 +242,40 @@ def _estimator(index: int, name: str, readings: float | None) -> list[Plot]:
 
 
 def _reconstruction(trace: Trace, index: int, name: str) -> list[Plot]:
-    """Return the plot of an unknown input, with what it is and what is measured of it; most estimators reconstruct none."""
+    """Return the plot of a reconstructed input with its truth and, for the elevator, the measured position; empty without one."""
     column = f"{name}.reconstructed_deg"
     if column not in trace.columns:
         return []
-    elevator, color = _told(trace, f"{name}.verdict"), palette.estimate(index)
-    lines = [_line("acts", palette.TRUTH, ACTING if elevator else GUST_ALPHA, width=2.2)]
+    elevator, color = _has_values(trace, f"{name}.verdict"), palette.estimate(index)
+    lines = [_line("truth", palette.TRUTH, ACTING if elevator else GUST_ALPHA, width=2.2)]
     if elevator:
         position = palette.OTHER if color != palette.OTHER else palette.REFERENCE
         lines.append(_line("position", position, "elevator_mean_meas_deg"))
     lines.append(_line("reconstructed", color, column, width=1.0))
-    what = "deflection that acts" if elevator else "angle of attack by the gust"
-    return [Plot(f"reconstruction/{name}", f"{name}: {what}, deg", ESTIMATORS, tuple(lines), None, index)]
+    quantity = "effective deflection" if elevator else "gust angle of attack"
+    return [Plot(f"reconstruction/{name}", f"{name}: {quantity}, deg", ESTIMATORS, tuple(lines), None, index)]
 
 
-def _turning(trace: Trace, stops_deg: Mapping[str, Sequence[float]]) -> list[Plot]:
-    """Return the plots of roll and yaw; a flight that leaves them to the stock laws has no columns for them."""
+def _roll_and_yaw(trace: Trace, stops_deg: Mapping[str, Sequence[float]]) -> list[Plot]:
+    """Return the plots of roll and yaw; empty for a flight under the stock laws, whose trace has no such columns."""
     if "p_deg_s" not in trace.columns:
         return []
 
-    def follows(key: str, title: str, name: str, suffix: str) -> Plot:
+    def tracking(key: str, title: str, name: str, suffix: str) -> Plot:
         lines = (
             _line(f"{name} reference", palette.REFERENCE, f"{name}_ref_{suffix}"),
             _line(name, palette.ACTUAL, f"{name}_{suffix}"),
         )
-        return Plot(key, title, TURNING, lines)
+        return Plot(key, title, ROLL_YAW, lines)
 
     return [
-        follows("roll_rate", "Roll rate, deg/s", "p", "deg_s"),
-        Plot("bank", "Angle of bank, deg", TURNING, (_line("phi", palette.ACTUAL, "phi_deg"),)),
-        _deflection("aileron", stops_deg, TURNING),
-        _share(trace, "aileron", "effectiveness_aileron", TURNING),
-        follows("sideslip", "Sideslip, deg", "beta", "deg"),
-        _deflection("rudder", stops_deg, TURNING),
-        _share(trace, "rudder", "effectiveness_rudder", TURNING),
+        tracking("roll_rate", "Roll rate, deg/s", "p", "deg_s"),
+        Plot("bank", "Angle of bank, deg", ROLL_YAW, (_line("phi", palette.ACTUAL, "phi_deg"),)),
+        _deflection("aileron", stops_deg, ROLL_YAW),
+        _share(trace, "aileron", "effectiveness_aileron", ROLL_YAW),
+        tracking("sideslip", "Sideslip, deg", "beta", "deg"),
+        _deflection("rudder", stops_deg, ROLL_YAW),
+        _share(trace, "rudder", "effectiveness_rudder", ROLL_YAW),
     ]
 
 
@@ -306,7 +311,7 @@ def _airframe() -> list[Plot]:
         one("gust", "Gust, ft/s", "gust up", "gust_up_fps"),
         Plot(
             "cg_shift",
-            "C.g. shift aft, % of the chord",
+            "C.g. shift aft, % of the mean chord",
             AIRFRAME,
             (_line("c.g. shift, %", palette.ACTUAL, "cg_shift_cbar", 100.0),),
         ),

@@ -1,4 +1,4 @@
-"""Several runs -> one recording on one time axis, each in its colour."""
+"""Several runs -> one recording with a common time axis and one colour per run."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from flightbed.comparison import Run, same_line
 from flightbed.document import Table
 from flightbed.errors import OutputError
 from flightbed.telemetry import layout
-from flightbed.telemetry.channels import AIRFRAME, OVERVIEW, TURNING, Plot
+from flightbed.telemetry.channels import AIRFRAME, OVERVIEW, ROLL_YAW, Plot
 from flightbed.telemetry.chase import Aircraft, positions, set_time, time_of
-from flightbed.telemetry.recorder import upright
+from flightbed.telemetry.recorder import vertical_lines
 from flightbed.telemetry.recording import APPLICATION
 from flightbed.trace import Vector
 
-APART_M = 20.0  # to the right, so that aircraft that fly alike are seen side by side
+SPACING_M = 20.0  # lateral distance between the drawn aircraft
 _STATES = {"healthy": palette.REFERENCE, "failed": palette.FAILURE, "departed": palette.DEPARTED, "over": palette.OTHER}
 
 _PLOTS = (
@@ -34,21 +34,21 @@ _PLOTS = (
     Plot("load_factor", "Load factor nz, g", AIRFRAME, ()),
     Plot("attitude", "Attitude theta, deg", AIRFRAME, ()),
 )
-_TURNING = (
-    Plot("roll_rate", "Roll rate, deg/s", TURNING, ()),
-    Plot("bank", "Angle of bank, deg", TURNING, ()),
-    Plot("aileron", "Aileron position, deg", TURNING, ()),
-    Plot("effectiveness_aileron", "Aileron effectiveness K, smoothed estimate, share", TURNING, (), (-0.1, 1.3)),
-    Plot("sideslip", "Sideslip, deg", TURNING, ()),
-    Plot("rudder", "Rudder position, deg", TURNING, ()),
-    Plot("effectiveness_rudder", "Rudder effectiveness K, smoothed estimate, share", TURNING, (), (-0.1, 1.3)),
-)  # where a run has them
+_ROLL_YAW = (
+    Plot("roll_rate", "Roll rate, deg/s", ROLL_YAW, ()),
+    Plot("bank", "Angle of bank, deg", ROLL_YAW, ()),
+    Plot("aileron", "Aileron position, deg", ROLL_YAW, ()),
+    Plot("effectiveness_aileron", "Aileron effectiveness K, smoothed estimate, share", ROLL_YAW, (), (-0.1, 1.3)),
+    Plot("sideslip", "Sideslip, deg", ROLL_YAW, ()),
+    Plot("rudder", "Rudder position, deg", ROLL_YAW, ()),
+    Plot("effectiveness_rudder", "Rudder effectiveness K, smoothed estimate, share", ROLL_YAW, (), (-0.1, 1.3)),
+)  # if any run has aileron and rudder commands
 _COLUMNS: Mapping[str, str] = {
     "pitch_rate": "q_deg_s", "elevator": "elevator_deg", "alpha": "alpha_deg", "mach": "mach", "altitude": "altitude_ft",
     "load_factor": "nz_g", "attitude": "theta_deg", "roll_rate": "p_deg_s", "bank": "phi_deg", "aileron": "aileron_deg",
     "sideslip": "beta_deg", "rudder": "rudder_deg",
 }  # fmt: skip
-# What is drawn beside the runs' own, once where it is the same in several: column, name, colour.
+# Additional lines, plotted once where several runs agree: column, label, colour.
 _SHARED = {
     "pitch_rate": ("q_ref_deg_s", "q reference", palette.REFERENCE),
     "effectiveness": ("effectiveness_true", "K true", palette.TRUTH),
@@ -61,12 +61,12 @@ _SHARED = {
 
 
 def write_comparison(path: Path, runs: Sequence[Run], *, tables: Sequence[Table]) -> None:
-    """Write the recording of several runs, with its layout. Raises OutputError."""
+    """Write the recording of several runs with its layout. Raises OutputError."""
     slugs = [f"{i + 1}_{re.sub('[^A-Za-z0-9]+', '_', run.label)}" for i, run in enumerate(runs)]
     stream = rr.RecordingStream(APPLICATION, recording_id="-".join(slugs)[:100])
     stream.set_log_time_enabled(False)
     trails = [f"/world/{slug}/trail" for slug in slugs]
-    plots = (*_PLOTS, *(_TURNING if any(run.lateral for run in runs) else ()))
+    plots = (*_PLOTS, *(_ROLL_YAW if any(run.lateral for run in runs) else ()))
     try:
         stream.save(path, default_blueprint=layout.comparison(plots, follow="/world/middle", trails=trails))
     except Exception as error:
@@ -80,7 +80,7 @@ def write_comparison(path: Path, runs: Sequence[Run], *, tables: Sequence[Table]
             _lines(stream, plot, runs, slugs)
         for i, (run, slug) in enumerate(zip(runs, slugs, strict=True)):
             aircraft = Aircraft(
-                stream, f"world/{slug}", trail=run.color, label=run.label, east_m=i * APART_M, lateral=run.lateral
+                stream, f"world/{slug}", trail=run.color, label=run.label, east_m=i * SPACING_M, lateral=run.lateral
             )
             aircraft.begin()
             aircraft.add(run.trace)
@@ -91,12 +91,12 @@ def write_comparison(path: Path, runs: Sequence[Run], *, tables: Sequence[Table]
 
 
 def _middle(stream: rr.RecordingStream, runs: Sequence[Run]) -> None:
-    """Tell where the middle of the aircraft that still fly is, for the eye to follow."""
+    """Log the mean position of the aircraft still in flight, the target of the chase view."""
     longest = max(runs, key=lambda run: float(run.trace["t_s"][-1]))
     t = longest.trace["t_s"]
     paths = []
     for i, run in enumerate(runs):
-        path = positions(run.trace, east_m=i * APART_M)
+        path = positions(run.trace, east_m=i * SPACING_M)
         flying = t <= run.trace["t_s"][-1] + 1e-9
         paths.append([np.where(flying, np.interp(t, run.trace["t_s"], axis), np.nan) for axis in path.T])
     middle = np.nanmean(np.array(paths), axis=0).T.astype(np.float32)
@@ -113,14 +113,14 @@ def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: S
     low, high = plot.range or (np.inf, -np.inf)
     if plot.key in _SHARED:
         column, label, color = _SHARED[plot.key]
-        told: list[tuple[Vector, Vector]] = []
+        plotted: list[tuple[Vector, Vector]] = []
         for run, slug in zip(runs, slugs, strict=True):
-            reference = run.trace.columns.get(column)  # what nobody asks for is no line
-            if reference is None or not np.any(np.isfinite(reference)):
+            reference = run.trace.columns.get(column)
+            if reference is None or not np.any(np.isfinite(reference)):  # the run has no such command
                 continue
-            if any(same_line(run.trace["t_s"], reference, *other) for other in told):
+            if any(same_line(run.trace["t_s"], reference, *other) for other in plotted):
                 continue
-            told.append((run.trace["t_s"], reference))
+            plotted.append((run.trace["t_s"], reference))
             entity = f"{plot.key}/{label.replace(' ', '_')}/{slug}"
             _line(stream, entity, f"{label}, {run.label}", color, run.trace["t_s"], reference)
     for run, slug in zip(runs, slugs, strict=True):
@@ -136,7 +136,7 @@ def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: S
     if failures:
         entity = f"{plot.key}/failure"
         _style(stream, entity, "failure", palette.FAILURE, "Off")
-        times, values = upright(failures, low, high)
+        times, values = vertical_lines(failures, low, high)
         stream.send_columns(entity, indexes=time_of(times), columns=rr.Scalars.columns(scalars=values))
 
 
@@ -165,5 +165,5 @@ def _markdown(table: Table) -> str:
     def row(cells: Sequence[str]) -> str:
         return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
-    rows = "".join(row(table.shown(cells)) for cells in table.rows)
+    rows = "".join(row(table.cell_texts(cells)) for cells in table.rows)
     return f"## {table.title}\n\n{row(table.columns)}|{'---|' * len(table.columns)}\n{rows}\n{table.note}\n"

@@ -1,4 +1,4 @@
-"""The layout of the viewer: one blueprint for recordings, live flights and comparisons."""
+"""Layouts (Rerun blueprints) of the viewer: a flight, recorded or live, and a comparison."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any
 
 import rerun.blueprint as rrb
 
-from flightbed.telemetry.channels import AIRFRAME, ESTIMATORS, OVERVIEW, TURNING, Plot
+from flightbed.telemetry.channels import AIRFRAME, ESTIMATORS, OVERVIEW, ROLL_YAW, Plot
 
 TIMELINE = "time"
 TABS = (
     OVERVIEW,
     ESTIMATORS,
     AIRFRAME,
-)  # of every flight with estimators; TURNING comes last, where roll and yaw are flown
+)  # pages of every flight with estimators; ROLL_YAW follows if aileron and rudder are commanded
 _DARK = [18, 22, 30]
-_FLOWN = rrb.VisibleTimeRange(
+_PAST = rrb.VisibleTimeRange(
     TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
 )
 
@@ -25,9 +25,9 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
     """Return the layout of one flight.
 
     Args:
-        plots: what there is to plot.
-        live: follow what comes in, instead of standing at the start.
-        tab: index of the page that is open.
+        plots: plots of the flight.
+        live: whether the time cursor follows the incoming data; else it starts at the beginning.
+        tab: index of the open page.
 
     """
     views = {plot.key: _plot(plot) for plot in plots}
@@ -35,16 +35,16 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
     def of(tab: str, estimator: int | None = None) -> list[Any]:
         return [views[p.key] for p in plots if p.tab == tab and p.estimator == estimator]
 
-    turns = any(p.tab == TURNING for p in plots)
-    words = rrb.Tabs(
+    lateral = any(p.tab == ROLL_YAW for p in plots)
+    texts = rrb.Tabs(
         rrb.TextDocumentView(name="Run card", origin="/run_card"), rrb.TextLogView(name="Events", origin="/events")
     )
     mode = rrb.StateTimelineView(name="Modes", origin="/mode", time_view=rrb.TimeAxis(link="LinkToGlobal"))
     overview = rrb.Horizontal(
         rrb.Vertical(
-            _chase("/world/cg", ["/world/trail"], moving="surfaces" if turns else "stabilators"),
+            _chase("/world/cg", ["/world/trail"], moving="surfaces" if lateral else "stabilators"),
             mode,
-            words,
+            texts,
             row_shares=[4.2, 2.6, 3.8],
         ),
         rrb.Vertical(*of(OVERVIEW), row_shares=[5, 5, 4, 3]),
@@ -62,34 +62,34 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
     airframe = of(AIRFRAME)
     rows = [rrb.Horizontal(*airframe[i : i + 2]) for i in range(0, len(airframe), 2)]
     pages.append(rrb.Vertical(*rows, name=AIRFRAME))
-    if turns:
-        pages.append(_turning([p for p in plots if p.tab == TURNING]))
+    if lateral:
+        pages.append(_roll_yaw_page([p for p in plots if p.tab == ROLL_YAW]))
     return _blueprint(rrb.Tabs(*pages, active_tab=min(tab, len(pages) - 1)), live=live)
 
 
-def _turning(plots: Sequence[Plot], *, legend: Callable[[Plot], bool] = lambda _: True) -> rrb.Horizontal:
+def _roll_yaw_page(plots: Sequence[Plot], *, legend: Callable[[Plot], bool] = lambda _: True) -> rrb.Horizontal:
     """Return the page of roll and yaw: roll and aileron on the left, sideslip and rudder on the right."""
     views = [_plot(plot, legend=legend(plot)) for plot in plots]
-    begins = next(i for i, plot in enumerate(plots) if plot.key == "sideslip")
-    return rrb.Horizontal(rrb.Vertical(*views[:begins]), rrb.Vertical(*views[begins:]), name=TURNING)
+    sideslip = next(i for i, plot in enumerate(plots) if plot.key == "sideslip")
+    return rrb.Horizontal(rrb.Vertical(*views[:sideslip]), rrb.Vertical(*views[sideslip:]), name=ROLL_YAW)
 
 
 def comparison(plots: Sequence[Plot], *, follow: str, trails: Sequence[str]) -> rrb.Blueprint:
-    """Return the layout of several flights; ``follow`` is what the chase view keeps in its middle."""
+    """Return the layout of several flights; the chase view follows the entity ``follow``."""
     table = rrb.TextDocumentView(name="Metrics and differences", origin="/run_card")
     mode = rrb.StateTimelineView(name="Modes", origin="/mode", time_view=rrb.TimeAxis(link="LinkToGlobal"))
 
     def legend(plot: Plot) -> bool:
-        # The colours are those of the runs in all plots: one legend, beside K's, which name the estimators, is enough.
+        # All plots use the colours of the runs: one legend per page suffices; those of K also name the estimators.
         return plot.key in ("pitch_rate", "mach", "roll_rate") or plot.key.startswith("effectiveness")
 
     def of(tab: str) -> list[Any]:
         return [_plot(plot, legend=legend(plot)) for plot in plots if plot.tab == tab]
 
-    turning = [plot for plot in plots if plot.tab == TURNING]
+    roll_yaw = [plot for plot in plots if plot.tab == ROLL_YAW]
     overview = rrb.Horizontal(
         rrb.Vertical(
-            _chase(follow, trails, moving="surfaces" if turning else "stabilators", far=True),
+            _chase(follow, trails, moving="surfaces" if roll_yaw else "stabilators", far=True),
             mode,
             table,
             row_shares=[4, 2.2, 5],
@@ -99,7 +99,7 @@ def comparison(plots: Sequence[Plot], *, follow: str, trails: Sequence[str]) -> 
         name=OVERVIEW,
     )
     airframe = rrb.Grid(*of(AIRFRAME), grid_columns=2, name=AIRFRAME)
-    pages = [overview, airframe, *([_turning(turning, legend=legend)] if turning else [])]
+    pages = [overview, airframe, *([_roll_yaw_page(roll_yaw, legend=legend)] if roll_yaw else [])]
     return _blueprint(rrb.Tabs(*pages, active_tab=0), live=False)
 
 
@@ -120,7 +120,7 @@ def _plot(plot: Plot, *, legend: bool = True) -> rrb.TimeSeriesView:
 
 
 def _chase(origin: str, trails: Sequence[str], *, moving: str = "stabilators", far: bool = False) -> rrb.Spatial3DView:
-    """Return the view that follows an aircraft; from far it is seen from behind, with those at its right."""
+    """Return the view that follows an aircraft; with ``far`` from a distance behind, with the aircraft to its right in view."""
     position, target = ([-130, 80, -38], [0, 10, 0]) if far else ([-15, 11, -7], [0, 0, 0])
     return rrb.Spatial3DView(
         name=f"Chase view, m; {moving}: blue K = 1, red K = 0",
@@ -129,8 +129,8 @@ def _chase(origin: str, trails: Sequence[str], *, moving: str = "stabilators", f
         background=_DARK,
         eye_controls=rrb.EyeControls3D(kind="Orbital", position=position, look_target=target, eye_up=[0, 0, -1]),
         line_grid=rrb.LineGrid3D(visible=False),
-        # Of the trail all that has been flown so far; on the whole view it would take the meshes' colours away.
-        overrides={trail: rrb.VisibleTimeRanges(_FLOWN) for trail in trails},
+        # The trail shows the past of the flight. The same range on the whole view would remove the colours of the meshes.
+        overrides={trail: rrb.VisibleTimeRanges(_PAST) for trail in trails},
     )
 
 

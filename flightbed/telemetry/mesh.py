@@ -1,4 +1,4 @@
-"""A simple fighter of our own, for the eye only: vertices in body axes (forward-right-down), metres, about the c.g."""
+"""Mesh of a simple fighter, for display only: vertices in body axes (forward, right, down), m, origin at the c.g."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ _GREY, _LIGHT, _DARK, _CANOPY, _WHITE = (150, 158, 168), (176, 184, 194), (96, 1
 
 
 class Mesh(NamedTuple):
-    """Triangles: vertices (n, 3) m, faces (m, 3) indices, colours (n, 3) 0-255."""
+    """Triangle mesh: vertices (n, 3), m; faces (m, 3), vertex indices; colours (n, 3), 0 to 255."""
 
     vertices: npt.NDArray[np.float32]
     faces: npt.NDArray[np.uint32]
     colors: npt.NDArray[np.uint8]
 
 
-HINGE = (-6.0, 0.0, 0.0)  # the stabilators turn about the y axis through this point
-AILERON_HINGE = (-1.9, 0.0, -0.03)  # the ailerons, too
-RUDDER_HINGE = (-6.3, 0.0, 0.0)  # the rudder turns about the z axis through this one
+HINGE = (-6.0, 0.0, 0.0)  # the stabilators rotate about the y axis through this point
+AILERON_HINGE = (-1.9, 0.0, -0.03)  # the ailerons rotate about the y axis through this point
+RUDDER_HINGE = (-6.3, 0.0, 0.0)  # the rudder rotates about the z axis through this point
 
 
 def airframe(*, rudder: bool = True) -> Mesh:
-    """Fuselage with nozzle, canopy, intake, strakes, cropped delta wing with tip rails, fin with or without its rudder, ventral fins."""
+    """Return fuselage, nozzle, canopy, intake, strakes, cropped delta wing with tip rails, fin, ventral fins, optionally rudder."""
     # station x, half width, half height, centre z
     body = [
         (8.2, 0.02, 0.02, 0.0),
@@ -55,7 +55,7 @@ def airframe(*, rudder: bool = True) -> Mesh:
 
 
 def stabilators() -> Mesh:
-    """Both halves of the horizontal tail, about the hinge; white, for the colour that the viewer multiplies it by."""
+    """Return both halves of the horizontal tail about the hinge; white, because the viewer multiplies by a colour."""
     return _join(
         [
             _plate([(1.0, s * 0.5, 0.0), (-0.6, s * 2.8, 0.0), (-1.3, s * 2.8, 0.0), (-1.2, s * 0.5, 0.0)], _WHITE)
@@ -65,14 +65,14 @@ def stabilators() -> Mesh:
 
 
 def aileron(side: float) -> Mesh:
-    """One aileron about its hinge, white as the stabilators; ``side`` is 1 for the right one, -1 for the left one."""
+    """Return one aileron about its hinge, white like the stabilators; ``side`` is 1 for the right, -1 for the left aileron."""
     return _plate(
         [(0.0, side * 1.3, 0.0), (0.0, side * 3.6, 0.0), (-0.75, side * 3.6, 0.0), (-0.75, side * 1.3, 0.0)], _WHITE
     )
 
 
 def rudder() -> Mesh:
-    """Flat rudder about its hinge, white as the stabilators."""
+    """Return a flat rudder about its hinge, white like the stabilators."""
     return _plate([(0.1, 0.0, -0.9), (-0.1, 0.0, -3.2), (-1.0, 0.0, -3.2), (-0.85, 0.0, -0.9)], _WHITE)
 
 
@@ -89,7 +89,7 @@ def _loft(stations: list[tuple[float, float, float, float]], color: tuple[int, i
             a, b = ring * around + i, ring * around + (i + 1) % around
             faces += [(a, b, a + around), (b, b + around, a + around)]
     vertices = np.vstack(rings).astype(np.float32)
-    # Lighter above than below: without normals the viewer shades nothing.
+    # Lighter above than below, because the viewer does not shade a mesh without normals.
     light = 1.0 - 0.22 * np.clip(2.0 * vertices[:, 2], -1.0, 1.0)
     colors = np.clip(np.outer(light, color), 0, 255).astype(np.uint8)
     return Mesh(vertices, np.array(faces, dtype=np.uint32), colors)

@@ -1,4 +1,4 @@
-"""Trace -> the modes of a flight over time: healthy or failed, saturated, detected. No rerun in here."""
+"""Trace -> state lanes of a flight: health, saturation and detection over time. Does not import rerun."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from flightbed.trace import Trace, true_share
 from flightbed.units import DEG
 
 _SATURATION = {"elevator": "saturation", "aileron": "saturation_aileron", "rudder": "saturation_rudder"}
-_NEAR = 0.99  # of the rate limit: the mean rate over a tick that begins at the limit falls short of it
+_NEAR = 0.99  # share of the rate limit: the mean rate over a tick that starts at the limit is below the limit
 
 
 @dataclass(frozen=True)
 class Lane:
-    """One mode over time.
+    """One discrete state over time.
 
     Attributes:
-        key: where it is logged.
-        states: its names.
-        colors: of the states.
+        key: entity path of its data.
+        states: names of the states.
+        colors: colours of the states, ``#rrggbb``.
 
     """
 
@@ -39,8 +39,8 @@ def lanes(detectors: Sequence[str], surfaces: Collection[str] = ("elevator",)) -
     """Return the lanes of a flight.
 
     Args:
-        detectors: the estimates that are tested for a change of K.
-        surfaces: those that are commanded.
+        detectors: estimates that are tested for a change of K.
+        surfaces: commanded surfaces.
 
     """
     conditions = ("healthy", "failed", "departed"), (palette.REFERENCE, palette.FAILURE, palette.DEPARTED)
@@ -59,25 +59,25 @@ def lanes(detectors: Sequence[str], surfaces: Collection[str] = ("elevator",)) -
 def states(
     trace: Trace, lane: Lane, actuators: Mapping[str, Actuator], *, faults_s: Mapping[str, float], control_hz: int
 ) -> npt.NDArray[np.intp]:
-    """Return the index of the state of a lane at every tick.
+    """Return the index of a lane's state at every tick (T,).
 
     Args:
-        trace: the flight, or a part of it.
+        trace: the flight, or a part of its ticks.
         lane: one of ``lanes``.
-        actuators: of the surfaces that are commanded.
-        faults_s: of surfaces from when on something is wrong with their actuator, which the trace does not tell.
-        control_hz: ticks per second.
+        actuators: commanded surface -> actuator.
+        faults_s: surface -> onset of its first actuator fault, s, which the trace does not contain.
+        control_hz: control rate, Hz.
 
     """
-    hurt: npt.NDArray[np.bool_]
+    active: npt.NDArray[np.bool_]
     if lane.key in actuators:
-        hurt = (trace[true_share(estimate_name("", lane.key))] != 1.0) | (
+        active = (trace[true_share(estimate_name("", lane.key))] != 1.0) | (
             trace["t_s"] >= faults_s.get(lane.key, np.inf) - 1e-9
         )
         if lane.key == "elevator":
-            hurt |= trace["elevator_force_true"] != 1.0
+            active |= trace["elevator_force_true"] != 1.0
     elif lane.key == "airframe":
-        hurt = trace["cg_shift_cbar"] != 0.0
+        active = trace["cg_shift_cbar"] != 0.0
     elif lane.key in _SATURATION.values():
         surface = next(surface for surface, key in _SATURATION.items() if key == lane.key)
         position, actuator = trace[f"{surface}_deg"], actuators[surface]
@@ -85,5 +85,5 @@ def states(
         fast = rate >= _NEAR * actuator.rate_limit_rad_s
         return np.where(at_stop(trace, actuator, surface), 2, fast.astype(np.intp))
     else:
-        hurt = trace[f"{lane.key.removeprefix('detection_')}.alarms"] > 0.0
-    return hurt.astype(np.intp)
+        active = trace[f"{lane.key.removeprefix('detection_')}.alarms"] > 0.0
+    return active.astype(np.intp)

@@ -1,4 +1,4 @@
-"""Trace -> a Rerun recording with its layout, in a file."""
+"""Trace -> file with a Rerun recording and its layout."""
 
 from __future__ import annotations
 
@@ -11,31 +11,32 @@ from flightbed.errors import OutputError
 from flightbed.telemetry import layout
 from flightbed.telemetry.channels import with_room
 from flightbed.telemetry.recorder import Recorder
-from flightbed.telemetry.shown import Shown
+from flightbed.telemetry.shown import FlightInfo
 from flightbed.trace import Trace
 
 APPLICATION = "flightbed"
 
 
-def write_recording(path: Path, trace: Trace, shown: Shown) -> None:
-    """Write a flight's recording, whole columns at a time, with its layout. Raises OutputError."""
+def write_recording(path: Path, trace: Trace, info: FlightInfo) -> None:
+    """Write the recording of a flight with its layout, by whole columns. Raises OutputError."""
     if os.environ.get("RERUN", "").lower() in ("0", "false", "off"):
         raise OutputError(
-            f"{path}: RERUN={os.environ['RERUN']} in the environment keeps Rerun from recording; unset it, or fly with --rerun off"
+            f"{path}: the environment variable RERUN disables recording (got {os.environ['RERUN']}); "
+            "unset it, or fly with --rerun off"
         )
-    wanted = tuple(with_room(plot, trace) for plot in shown.plots(trace))
-    stream = rr.RecordingStream(APPLICATION, recording_id=shown.recording_id)
+    wanted = tuple(with_room(plot, trace) for plot in info.plots(trace))
+    stream = rr.RecordingStream(APPLICATION, recording_id=info.recording_id)
     stream.set_log_time_enabled(False)
     try:
         stream.save(path, default_blueprint=layout.flight(wanted))
     except Exception as error:
         raise OutputError(f"{path}: cannot be written: {error}") from None
     with stream:
-        recorder = Recorder(stream, shown, wanted)
+        recorder = Recorder(stream, info, wanted)
         recorder.begin()
         recorder.add(trace)
-        if shown.departed:
+        if info.departed:
             recorder.departed()
-        recorder.events(shown.planned)
+        recorder.events(info.planned)
         stream.flush()
     stream.disconnect()

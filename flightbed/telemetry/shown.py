@@ -1,4 +1,4 @@
-"""What the viewer has to be told of a flight besides its columns; plain values, so that they can be sent to another process."""
+"""Information about a flight beside its trace, for the viewer; plain values that can be sent to another process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from flightbed.units import DEG
 
 
 class Event(NamedTuple):
-    """Something that happened at a time."""
+    """An event at a flight time; ``severe`` events are logged as errors."""
 
     t_s: float
     text: str
@@ -30,26 +30,26 @@ class Event(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A flight as the viewer is told of it before take-off.
+class FlightInfo:
+    """Description of a flight for the viewer, available before the flight; ``with_result`` adds the outcome.
 
     Attributes:
-        name: of the recording.
-        recording_id: recordings with the same one merge in a viewer.
-        card: the run card, Markdown.
-        planned: failures and gusts to come.
-        failures_s: when failures begin, marked in every plot.
+        name: name of the recording.
+        recording_id: identifier; recordings with equal identifiers merge in the viewer.
+        card: run card, Markdown.
+        planned: scheduled failures and gusts; after the flight all its events.
+        failures_s: onsets of failures, s, marked in every plot.
         estimators: names of the estimates.
-        detectors: those of them that are tested for a change of K.
-        gusts: whether there are any.
+        detectors: estimates that are tested for a change of K.
+        gusts: whether the scenario has gusts.
         moves_cg: whether a failure moves the c.g.
-        actuators: of the surfaces that are commanded, by name: the elevator, or all three; stops and rate limits.
-        faults_s: of surfaces from when on something is wrong with their actuator.
-        control_hz: ticks per second.
+        actuators: commanded surface -> actuator: the elevator, or all three surfaces.
+        faults_s: surface -> onset of its first actuator fault, s.
+        control_hz: control rate, Hz.
         m_delta: pitch acceleration per deflection at the trim point, 1/s^2.
-        readings: of estimators how many readings their NIS is of, where that is known.
-        in_g: whether it is commanded in g.
-        departed: whether it ended in a departure.
+        readings: estimator -> number of readings in its NIS, where known.
+        in_g: whether the pitch command is a load factor.
+        departed: whether the flight ended in a departure.
 
     """
 
@@ -71,8 +71,8 @@ class Shown:
     departed: bool = False
 
     @classmethod
-    def of(cls, plan: Plan, *, readings: Mapping[str, float]) -> Shown:
-        """Return what there is to tell of a plan; ``readings`` as above."""
+    def of(cls, plan: Plan, *, readings: Mapping[str, float]) -> FlightInfo:
+        """Return the description of a planned flight; ``readings``: estimator -> number of readings in its NIS."""
         scenario = plan.scenario
         hz = scenario.rates.control_hz
         return cls(
@@ -97,15 +97,23 @@ class Shown:
             in_g=scenario.in_g,
         )
 
-    def flown(
+    def with_result(
         self,
         card: str,
         events: Sequence[tuple[float, str, bool]],
         *,
         departed: bool,
         alarmed: Collection[str],
-    ) -> Shown:
-        """Return it with what is known when the flight is over: card, events, whether it departed, who raised alarms."""
+    ) -> FlightInfo:
+        """Return the description with the outcome of the flight.
+
+        Args:
+            card: run card with the results, Markdown.
+            events: (time in s, text, whether severe) of all events.
+            departed: whether the flight ended in a departure.
+            alarmed: estimates that raised alarms.
+
+        """
         return dataclasses.replace(
             self,
             card=card,
@@ -116,19 +124,19 @@ class Shown:
 
     @property
     def lateral(self) -> bool:
-        """Whether aileron and rudder are commanded, so that samples and columns of roll and yaw come with the others."""
+        """Whether aileron and rudder are commanded, so that samples and trace include roll and yaw."""
         return "aileron" in self.actuators
 
     @property
     def stops_deg(self) -> Mapping[str, tuple[float, ...]]:
-        """The stops of each surface, if it has any."""
+        """Stops of each commanded surface, deg; empty for a surface without stops."""
         return {
             surface: tuple(s / DEG for s in (actuator.min_rad, actuator.max_rad) if isfinite(s))
             for surface, actuator in self.actuators.items()
         }
 
     def plots(self, trace: Trace, *, certain: Collection[str] = ()) -> tuple[Plot, ...]:
-        """Return what is plotted of it, from its trace or its first ticks; ``certain`` columns have values later at least."""
+        """Return the plots for a trace, or for its first ticks; ``certain`` columns are plotted even without values so far."""
         return plots(
             trace,
             stops_deg=self.stops_deg,
@@ -139,12 +147,12 @@ class Shown:
         )
 
     def to_json(self) -> str:
-        """Return it as text."""
+        """Return the description as JSON."""
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
-    def from_json(cls, text: str) -> Shown:
-        """Return what ``to_json`` was told."""
+    def from_json(cls, text: str) -> FlightInfo:
+        """Return the description from the text of ``to_json``."""
         raw: dict[str, Any] = json.loads(text)
         raw["planned"] = tuple(Event(*event) for event in raw["planned"])
         raw["actuators"] = {surface: Actuator(**numbers) for surface, numbers in raw["actuators"].items()}

@@ -1,4 +1,4 @@
-"""The process that shows a flight live: takes its ticks from standard input, tells the viewer; see ``live.py``."""
+"""The process that streams a live flight to the viewer: reads ticks from standard input; see ``live.py``."""
 
 from __future__ import annotations
 
@@ -18,88 +18,89 @@ from flightbed.live import FLIGHT, HEADER, HOST, RESULT, ROWS
 from flightbed.telemetry import layout, viewer
 from flightbed.telemetry.recorder import Recorder
 from flightbed.telemetry.recording import APPLICATION
-from flightbed.telemetry.shown import Event, Shown
+from flightbed.telemetry.shown import Event, FlightInfo
 from flightbed.trace import Trace, Vector, from_rows
 
-_LOOK_S = 0.5  # between looks whether the viewer is still there
+_CHECK_S = 0.5  # interval between checks that the viewer is still reachable
 _FLUSH_S = 5.0
 
 
 def main() -> None:
-    """Show the flight that comes in; ends with it, or with the viewer."""
+    """Stream the flight from standard input; end with the flight or with the viewer."""
     host, port = sys.argv[1], int(sys.argv[2])
     messages = _messages()
     kind, content = next(next(messages))
     assert kind == FLIGHT
-    _tell(_opened(host, port))
-    shown = Shown.from_json(content.decode())
-    # A second flight of the same scenario is another recording.
-    stream = rr.RecordingStream(APPLICATION, recording_id=f"{shown.recording_id}-{time.time_ns():x}")
+    _report_readiness(_find_viewer(host, port))
+    info = FlightInfo.from_json(content.decode())
+    # A second flight of the same scenario needs a recording of its own.
+    stream = rr.RecordingStream(APPLICATION, recording_id=f"{info.recording_id}-{time.time_ns():x}")
     stream.connect_grpc(viewer.url(host, port))
-    show = Show(shown, stream)
-    looked = time.monotonic()
+    recording = LiveRecording(info, stream)
+    checked = time.monotonic()
     for batch in messages:
         rows = b""
         for kind, content in batch:
             if kind == ROWS:
                 rows += content
             elif kind == RESULT:
-                show.add(rows)
+                recording.add(rows)
                 rows = b""
-                show.result(Shown.from_json(content.decode()))
-        show.add(rows)
-        if time.monotonic() - looked > _LOOK_S:
-            looked = time.monotonic()
+                recording.finish(FlightInfo.from_json(content.decode()))
+        recording.add(rows)
+        if time.monotonic() - checked > _CHECK_S:
+            checked = time.monotonic()
             if not viewer.listens(host, port):
-                _end("lost is gone")
+                _exit("lost was closed")
     try:
-        show.stream.flush(timeout_sec=_FLUSH_S)
-    except Exception:  # it says RuntimeError or its own error when the viewer is gone
-        _end("lost is gone")
-    # In a thread, because it waits for ever for a viewer that goes just now.
-    parting = threading.Thread(target=show.stream.disconnect, daemon=True)
-    parting.start()
-    parting.join(_FLUSH_S)
-    _end("done")
+        recording.stream.flush(timeout_sec=_FLUSH_S)
+    except Exception:  # RuntimeError or an error of Rerun when the viewer was closed
+        _exit("lost was closed")
+    # In a thread, because disconnect blocks without limit if the viewer closes at this moment.
+    closing = threading.Thread(target=recording.stream.disconnect, daemon=True)
+    closing.start()
+    closing.join(_FLUSH_S)
+    _exit("done")
 
 
-def _opened(host: str, port: int) -> str:
-    """Find the viewer, or open one; returns what to tell the flight."""
+def _find_viewer(host: str, port: int) -> str:
+    """Find or open the viewer; return the message for the flight, "ready" or "lost" and the reason."""
     if viewer.listens(host, port):
         return "ready"
     if host not in (HOST, "localhost"):
         return "lost does not answer"
     if not viewer.has_display():
-        return "lost is not there, and there is no display to open one on (docs/viewer.md: a viewer elsewhere)"
+        return "lost cannot be opened without a display (docs/viewer.md describes a viewer on another computer)"
     try:
         viewer.launch(port, "--expect-data-soon")
     except FlightbedError as error:
-        return f"lost is not there: {error}"
+        return f"lost cannot be opened: {error}"
     return "ready"
 
 
-def _tell(text: str) -> None:
-    if text.startswith("lost"):
-        _end(text)
-    rr.Scalars(np.zeros(2))  # the first one costs 0.2 s
-    _say(text)
+def _report_readiness(message: str) -> None:
+    """Send the message to the flight; exit if there is no viewer."""
+    if message.startswith("lost"):
+        _exit(message)
+    rr.Scalars(np.zeros(2))  # the first call takes 0.2 s
+    _send(message)
 
 
-def _end(text: str) -> None:
-    """Say the last word and go, without what Rerun does at exit: it waits for a viewer that is not there."""
+def _exit(message: str) -> None:
+    """Send the last message and exit without Rerun's exit handlers, which wait for a closed viewer."""
     try:
-        _say(text)
-    finally:  # nobody may be listening any more
+        _send(message)
+    finally:  # the flight may have closed the pipe
         os._exit(0)
 
 
-def _say(text: str) -> None:
+def _send(text: str) -> None:
     sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
 
 
 def _messages() -> Iterator[Iterator[tuple[bytes, bytes]]]:
-    """Yield the messages that have come in since the last time, at least one."""
+    """Yield the messages received since the last iteration, at least one each time."""
     waiting = b""
     while chunk := os.read(sys.stdin.fileno(), 1 << 20):
         waiting += chunk
@@ -114,62 +115,62 @@ def _messages() -> Iterator[Iterator[tuple[bytes, bytes]]]:
             yield iter(found)
 
 
-class Show:
-    """One flight on its way to a stream.
+class LiveRecording:
+    """Logs one flight in progress to a stream.
 
     Args:
-        shown: the flight.
-        stream: where to; connected.
+        info: description of the flight.
+        stream: connected recording stream.
 
     """
 
-    def __init__(self, shown: Shown, stream: rr.RecordingStream) -> None:
-        self._shown, self.stream = shown, stream
+    def __init__(self, info: FlightInfo, stream: rr.RecordingStream) -> None:
+        self._info, self.stream = info, stream
         stream.set_log_time_enabled(False)
         self._recorder: Recorder | None = None
-        self._seen: set[Event] = set()
-        self._kept: Vector = np.zeros(0)  # last rows, which the next ones are judged with
+        self._logged: set[Event] = set()
+        self._kept: Vector = np.zeros(0)  # last rows, needed for events and excitation of the next ones
 
     def add(self, rows: bytes) -> None:
-        """Show further ticks."""
+        """Log further ticks, as packed rows of the trace."""
         if not rows:
             return
-        shown, values = self._shown, np.concatenate([self._kept, np.frombuffer(rows)])
-        hz, more = shown.control_hz, {"lateral": shown.lateral, "load_factor": shown.in_g}
-        trace = from_rows(values, estimators=shown.estimators, control_hz=hz, **more)
-        trace = with_excitation(trace, m_delta=shown.m_delta, control_hz=hz)
+        info, values = self._info, np.concatenate([self._kept, np.frombuffer(rows)])
+        hz, more = info.control_hz, {"lateral": info.lateral, "load_factor": info.in_g}
+        trace = from_rows(values, estimators=info.estimators, control_hz=hz, **more)
+        trace = with_excitation(trace, m_delta=info.m_delta, control_hz=hz)
         width = len(values) // len(trace)
         new = len(self._kept) // width
         if self._recorder is None:
             self._recorder = self._begin(trace)
         self._recorder.add(trace, new)
         now = float(trace["t_s"][-1])
-        happened = [event for event in shown.planned if event.t_s <= now + 1e-9]
-        happened += [Event(*event) for event in seen_events(trace, shown.actuators, since=new)]
-        self._log(happened)
-        self._kept = values[-width * (round(WINDOW_S * shown.control_hz) + 1) :]
+        events = [event for event in info.planned if event.t_s <= now + 1e-9]
+        events += [Event(*event) for event in seen_events(trace, info.actuators, since=new)]
+        self._log(events)
+        self._kept = values[-width * (round(WINDOW_S * info.control_hz) + 1) :]
 
-    def result(self, flown: Shown) -> None:
-        """Show what came of the flight."""
+    def finish(self, info: FlightInfo) -> None:
+        """Log the outcome of the flight: run card, events, departure."""
         if self._recorder is None:
             return
-        self._recorder.card(flown.card)
-        self._log(list(flown.planned))
-        if flown.departed:
+        self._recorder.card(info.card)
+        self._log(list(info.planned))
+        if info.departed:
             self._recorder.departed()
 
     def _begin(self, trace: Trace) -> Recorder:
-        # A filter may have no NIS at its first ticks.
-        plots = self._shown.plots(trace, certain=[f"{name}.nis" for name in self._shown.estimators])
+        # A filter may have no NIS in its first ticks.
+        plots = self._info.plots(trace, certain=[f"{name}.nis" for name in self._info.estimators])
         self.stream.send_blueprint(layout.flight(plots, live=True), make_active=True)
-        recorder = Recorder(self.stream, self._shown, plots)
+        recorder = Recorder(self.stream, self._info, plots)
         recorder.begin()
         return recorder
 
     def _log(self, events: list[Event]) -> None:
         assert self._recorder is not None
-        self._recorder.events(event for event in events if event not in self._seen)
-        self._seen.update(events)
+        self._recorder.events(event for event in events if event not in self._logged)
+        self._logged.update(events)
 
 
 if __name__ == "__main__":

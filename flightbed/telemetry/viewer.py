@@ -1,4 +1,4 @@
-"""The viewer that comes with the SDK: with a window, or without one for pictures and tests; it listens to this computer alone."""
+"""The viewer of the Rerun SDK, with a window or headless for pictures and tests; it accepts local connections only."""
 
 from __future__ import annotations
 
@@ -15,53 +15,53 @@ from typing import Any
 
 from flightbed.errors import InputError, NotComputableError, OutputError
 from flightbed.live import HOST
-from flightbed.model_files import write_whole
+from flightbed.model_files import write_atomic
 from flightbed.telemetry.layout import TIMELINE
 
-_SETTLING_S = 1.5  # for the views to draw what has arrived
-_OPENING_S = 20.0  # the first time, a viewer of 280 MB comes from a cold disk
+_SETTLING_S = 1.5  # time for the views to draw received data
+_OPENING_S = 20.0  # the first start reads 280 MB from disk
 
 
 def view(path: Path) -> int:
-    """Open a recording in a window; returns the viewer's exit code."""
+    """Open a recording in a window; return the viewer's exit code."""
     return subprocess.run([executable(), "--bind", HOST, "--port", "auto", str(path)], check=False).returncode
 
 
 def has_display() -> bool:
-    """Tell whether a window can be opened."""
+    """Return whether the computer can open a window."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def free_port() -> int:
-    """Return a port of this computer that nobody listens on."""
+    """Return a free port of this computer."""
     with closing(create_server((HOST, 0))) as server:
         return int(server.getsockname()[1])
 
 
 def listens(host: str, port: int) -> bool:
-    """Tell whether somebody accepts connections there."""
+    """Return whether a process accepts connections at this address."""
     with suppress(OSError), create_connection((host, port), timeout=1.0):
         return True
     return False
 
 
 def url(host: str, port: int) -> str:
-    """Return the address of a viewer as the SDK wants it."""
+    """Return the URL of a viewer in the SDK's format."""
     return f"rerun+http://{f'[{host}]' if ':' in host else host}:{port}/proxy"
 
 
 def executable() -> str:
-    """Return the path of the viewer that belongs to the SDK. Raises NotComputableError."""
+    """Return the path of the SDK's viewer. Raises NotComputableError if it is not installed."""
     found = importlib.util.find_spec("rerun_cli")
     if found is None or found.origin is None:
-        raise NotComputableError("the Rerun viewer is missing; install rerun-sdk again")
+        raise NotComputableError("viewer: the executable of rerun-sdk is missing; reinstall rerun-sdk")
     return str(Path(found.origin).with_name("rerun.exe" if sys.platform == "win32" else "rerun"))
 
 
 def launch(port: int, *options: str) -> subprocess.Popen[bytes]:
-    """Start a viewer that listens on a port of this computer, and wait until it does.
+    """Start a viewer on a port of this computer and wait until it accepts connections.
 
-    Raises NotComputableError when it does not get so far.
+    Raises NotComputableError if it does not start within 20 s.
     """
     command = [executable(), "--bind", HOST, "--port", str(port), "--hide-welcome-screen", *options]
     quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -76,14 +76,16 @@ def launch(port: int, *options: str) -> subprocess.Popen[bytes]:
         _kill(process)
         raise
     _kill(process)
-    raise NotComputableError("the viewer did not open: it needs a graphics driver (in software: mesa-vulkan-drivers)")
+    raise NotComputableError(
+        "viewer: did not start; install a graphics driver (mesa-vulkan-drivers provides a software driver)"
+    )
 
 
 @contextmanager
 def headless(port: int | None = None) -> Iterator[Any]:
-    """Give a ``rerun.experimental.ViewerClient`` of a viewer without a window, for as long as it lasts.
+    """Yield a ``rerun.experimental.ViewerClient`` of a headless viewer; end the viewer on exit.
 
-    Raises NotComputableError where it cannot draw.
+    Raises NotComputableError if the viewer cannot draw.
     """
     from rerun.experimental import ViewerClient
 
@@ -103,7 +105,7 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
 
 
 def _wait_until_drawing(client: Any, process: subprocess.Popen[bytes]) -> None:
-    """Wait for the first answer: the viewer listens before it can draw, and ends if it cannot."""
+    """Wait for the first answer: the viewer accepts connections before it can draw, and exits without a driver."""
     until = time.monotonic() + _OPENING_S
     while time.monotonic() < until and process.poll() is None:
         with suppress(Exception):
@@ -111,12 +113,12 @@ def _wait_until_drawing(client: Any, process: subprocess.Popen[bytes]) -> None:
             return
         time.sleep(0.05)
     raise NotComputableError(
-        "the viewer cannot draw here: it needs a Vulkan driver; one in software comes with mesa-vulkan-drivers"
+        "viewer: cannot draw; install a Vulkan driver (mesa-vulkan-drivers provides a software driver)"
     )
 
 
 def show_tab(client: Any, name: str) -> None:
-    """Turn a viewer to a page of the layout. Raises InputError for one that there is not."""
+    """Open a page of the layout in the viewer. Raises InputError for an unknown page."""
     blueprint = client.get_blueprint("recording").blueprint
     containers = {path.strip("/"): fields.get("ContainerBlueprint", {}) for path, fields in blueprint.items()}
     inside = {str(path).strip("/") for container in containers.values() for path in container.get("contents", ())}
@@ -124,45 +126,46 @@ def show_tab(client: Any, name: str) -> None:
     pages = {containers[str(path).strip("/")].get("display_name", ""): path for path in top["contents"]}
     found = next((path for title, path in pages.items() if title.lower() == name.lower()), None)
     if found is None:
-        raise InputError(f"--tab {name}: there is no such page; there are: {', '.join(pages)}")
+        raise InputError(f"--tab: must be one of {', '.join(pages)} (got {name})")
     top["active_tab"] = found
     client.set_blueprint(blueprint, "recording")
 
 
 def picture(recording: Path, target: Path, *, at_s: float | None = None, tab: str | None = None) -> None:
-    """Write what the viewer shows of a recording as PNG, without a display.
+    """Write a screenshot of a recording in the viewer as PNG, without a display.
 
     Args:
         recording: the .rrd file.
         target: the .png file.
-        at_s: flight time that the cursor stands at; the end without.
-        tab: page of the layout; the first without.
+        at_s: flight time of the cursor, s; None for the end.
+        tab: page of the layout; None for the first.
 
     Raises:
-        InputError: a file that is not a .png, a time that the flight does not have, a page that the layout does not have.
-        OutputError: the recording cannot be read, the picture not written.
+        InputError: a suffix other than .png, a time outside the flight, or an unknown page.
+        OutputError: the recording cannot be read or the picture cannot be written.
+        NotComputableError: the viewer cannot start or draw.
 
     """
     if target.suffix.lower() != ".png":
         raise InputError(f"--picture {target}: must end in .png")
     if not target.parent.is_dir():
-        raise OutputError(f"--picture {target}: there is no folder {target.parent}")
+        raise OutputError(f"--picture {target}: folder {target.parent} does not exist; create it first")
     with headless() as client:
-        with suppress(Exception):  # it says in its own words, to nobody, what it cannot read
+        with suppress(Exception):  # an unreadable recording shows as a missing timeline below
             client.open(str(recording.resolve()))
         timelines = [t for r in client.get_state().recordings for t in r.timelines if t.name == TIMELINE]
         if not timelines:
-            raise OutputError(f"{recording}: not a recording that the viewer can read; fly the scenario again")
+            raise OutputError(f"{recording}: the viewer cannot read this recording; fly the scenario again")
         end_s = timelines[0].end / 1e9
         if at_s is not None and not 0.0 <= at_s <= end_s:
             raise InputError(f"--at-s {at_s:g}: must be within the flight, 0 to {end_s:g}")
         if tab is not None:
             show_tab(client, tab)
         client.set_time(TIMELINE, duration=end_s if at_s is None else at_s, play_state="paused")
-        for _ in range(3):  # it draws when asked; its own messages go after some seconds of that
+        for _ in range(3):  # the viewer draws on request; its notifications disappear after some seconds
             time.sleep(_SETTLING_S)
             content = client.take_screenshot()
     try:
-        write_whole(target, content)
+        write_atomic(target, content)
     except OutputError as error:
         raise OutputError(str(error).replace("-o ", "--picture ")) from None

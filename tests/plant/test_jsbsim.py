@@ -1,4 +1,4 @@
-"""The JSBSim plant: the traps that its docstring names, repeatability, steady trimmed flight."""
+"""The JSBSim plant: JSBSim's pitfalls listed in its module, repeatability, steady trimmed flight."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _plant(aircraft: Aircraft, point: TrimPoint, *, plant_hz: int = 200, **optio
 def test_actuator_has_the_lag_and_rate_of_the_overlay_at_every_step(
     f16: Aircraft, point: TrimPoint, plant_hz: int
 ) -> None:
-    """JSBSim copies dt at load: set late, the rate limit would be wrong by the ratio of the steps."""
+    """JSBSim copies dt at load: set later, the rate limit would be wrong by the ratio of the steps."""
     plant = _plant(f16, point, plant_hz=plant_hz)
     positions = [plant.sense().elevator_rad]
     for _ in range(60):
@@ -60,7 +60,7 @@ def test_actuator_has_the_lag_and_rate_of_the_overlay_at_every_step(
     assert reached == pytest.approx(1.0 - np.exp(-20.2 * (0.05 - 0.5 / plant_hz)), abs=0.001)
 
 
-def test_commands_beyond_the_stop_come_back_at_once(f16: Aircraft, point: TrimPoint) -> None:
+def test_commands_beyond_the_stop_do_not_wind_up(f16: Aircraft, point: TrimPoint) -> None:
     """JSBSim's rate limiter winds up beyond the stop; the plant's clamp prevents it."""
     plant = _plant(f16, point)
     for _ in range(150):
@@ -79,17 +79,17 @@ def test_one_settling_is_exact(f16: Aircraft) -> None:
     first = airframe.respond(*here).rates
     airframe.respond(Motion(v, 0.2, 0.1, -0.1, ALTITUDE), Controls(0.3, 0.9))
     again = airframe.respond(*here).rates
-    # The IC object keeps a round-off wind from one call to the next: equal to 1e-12, not to the bit.
+    # The IC object keeps a wind of round-off size between calls: equal to 1e-12, not bit for bit.
     assert again == pytest.approx(first, rel=1e-11, abs=1e-13)
     moved = airframe.respond(here[0], Controls(-0.02 + 1 * DEG, 0.3)).rates
-    assert (moved.q - first.q) / DEG == pytest.approx(-7.9, abs=0.3)  # all of M_delta, not a lagged part of it
+    assert (moved.q - first.q) / DEG == pytest.approx(-7.9, abs=0.3)  # the full M_delta, without lag
 
 
 def test_engine_runs_from_the_first_step(f16: Aircraft, point: TrimPoint) -> None:
-    """Trimmed, hands off: speed, height and load factor stay."""
+    """At trim with fixed controls, speed, altitude and load factor are constant."""
     plant = _plant(f16, point)
     start = plant.sense()
-    # Not 1: at the equator and 20,000 ft gravity is 0.9954 of the standard g that nz counts in, 0.1 % more goes into curving.
+    # Not 1: at the equator and 20,000 ft gravity is 0.9954 standard g, and the curvature of the path takes a further 0.1 %.
     assert start.nz_g == pytest.approx(1.0, abs=0.006)
     for _ in range(100):
         plant.advance(point.elevator_rad, HEALTHY, HEALTHY)
@@ -131,7 +131,7 @@ def _fly(plant: JsbsimPlant, point: TrimPoint, ticks: int = 300) -> np.ndarray:
 
 @pytest.mark.parametrize("turbulence", ["none", "moderate"])
 def test_repeat_flights_are_bit_identical(f16: Aircraft, point: TrimPoint, turbulence: str) -> None:
-    """A fresh FDM each time, another one alive or not."""
+    """Each flight has a fresh FDM, whether or not another one exists."""
     one = _fly(_plant(f16, point, turbulence=turbulence, seed=5), point)
     keep_alive = _plant(f16, point)
     two = _fly(_plant(f16, point, turbulence=turbulence, seed=5), point)
@@ -152,7 +152,7 @@ def test_turbulence_is_finite_seeded_and_grows_with_severity(f16: Aircraft, poin
 
 
 def test_mean_deflection_is_what_moved_the_aircraft(f16: Aircraft, point: TrimPoint) -> None:
-    """Over one tick the pitch rate changes by M_delta times the mean deflection: the frame before counts."""
+    """Over one tick the pitch rate changes by M_delta times the mean deflection, including the previous frame."""
     plant = _plant(f16, point, plant_hz=400)
     before = plant.sense()
     plant.advance(point.elevator_rad + 2 * DEG, HEALTHY, HEALTHY)
@@ -166,7 +166,7 @@ def test_mean_deflection_is_what_moved_the_aircraft(f16: Aircraft, point: TrimPo
 def test_effectiveness_scales_the_moment_of_the_whole_deflection_from_its_tick_on(
     f16: Aircraft, point: TrimPoint, plant_hz: int
 ) -> None:
-    """Trimmed and held: to K = 0.2 at tick 2. At tick 2 nothing has moved yet; then 80 % of the trim's moment is missing."""
+    """Held at trim, K = 0.2 from tick 2: at tick 2 nothing has changed; afterwards 80 % of the trim moment is missing."""
     plant = _plant(f16, point, plant_hz=plant_hz)
     healthy, weak = _plant(f16, point, plant_hz=plant_hz), Health(0.2, 0.2)
     for k in range(5):
@@ -176,7 +176,7 @@ def test_effectiveness_scales_the_moment_of_the_whole_deflection_from_its_tick_o
         healthy.advance(point.elevator_rad, HEALTHY, HEALTHY)
     flown = plant.sense(weak)
     assert (flown.effectiveness, flown.elevator_force) == (0.2, 0.2)
-    # q' = -M_delta (1 - K) delta_trim over 30 ms, less 2 % that the pitch damping takes.
+    # q' = -M_delta (1 - K) delta_trim over 30 ms, less 2 % by pitch damping.
     assert (flown.q_rad_s - healthy.sense().q_rad_s) / 0.03 == pytest.approx(13.81 * 0.8 * point.elevator_rad, rel=0.03)
 
 
@@ -189,7 +189,7 @@ def test_a_failure_from_the_start_acts_from_the_start(f16: Aircraft, point: Trim
 
 @pytest.mark.parametrize("altitude_ft", [0.0, 500.0, 1500.0, 20000.0])
 def test_turbulence_is_felt_at_every_altitude(f16: Aircraft, altitude_ft: float) -> None:
-    """Below 2000 ft JSBSim needs the wind at 20 ft as well: without it there would be none, silently."""
+    """Below 2000 ft JSBSim also needs the wind at 20 ft: without it there is no turbulence and no warning."""
     low = trim(JsbsimAirframe(f16, mach=0.5, altitude_m=altitude_ft * FT))
 
     def alpha(severity: str) -> np.ndarray:
@@ -210,7 +210,7 @@ def _rates(airframe: JsbsimAirframe, point: TrimPoint) -> tuple[float, float]:
 
 
 def test_a_cg_shift_in_flight_is_the_shift_of_the_airframe(f16: Aircraft, point: TrimPoint) -> None:
-    """From the first tick on it is the aircraft that was configured so, to the last bit; the trim does not know of it."""
+    """From the first tick the flight equals, bit for bit, that of the aircraft configured with this shift; the trim excludes it."""
     shifted = Health(cg_shift_cbar=0.05)
     configured, failed = _plant(f16, point, cg_shift_cbar=0.05), _plant(f16, point, health=shifted)
     for _ in range(200):
@@ -218,13 +218,15 @@ def test_a_cg_shift_in_flight_is_the_shift_of_the_airframe(f16: Aircraft, point:
         failed.advance(point.elevator_rad, shifted, shifted)
         assert configured.sense() == failed.sense()
     assert failed.sense(shifted).cg_shift_cbar == 0.05
-    assert abs(failed.sense().alpha_rad - point.alpha_rad) > 5 * DEG  # it goes away: that was a comparison of something
+    assert (
+        abs(failed.sense().alpha_rad - point.alpha_rad) > 5 * DEG
+    )  # the motion is large, so the comparison is meaningful
 
 
 @pytest.mark.parametrize("plant_hz", [100, 200, 400])
 @pytest.mark.parametrize("health", [Health(cg_shift_cbar=0.05), Health(cg_shift_cbar=-0.02), Health(0.4, 0.8, 0.03)])
 def test_damage_acts_exactly_at_its_tick(f16: Aircraft, point: TrimPoint, plant_hz: int, health: Health) -> None:
-    """At its tick nothing has moved; a tick later q has the rate that the airframe, shifted for good, has at that point."""
+    """At its tick nothing has changed; one tick later q has the rate of the airframe with the permanent damage at this point."""
     plant, healthy = _plant(f16, point, plant_hz=plant_hz), _plant(f16, point, plant_hz=plant_hz)
     for k in range(3):
         assert plant.sense().q_rad_s == healthy.sense().q_rad_s
@@ -234,18 +236,18 @@ def test_damage_acts_exactly_at_its_tick(f16: Aircraft, point: TrimPoint, plant_
     airframe._fdm.set(f16.properties["effectiveness"], health.effectiveness)
     airframe._fdm.set(f16.properties["elevator_force"], health.elevator_force)
     rate = (plant.sense().q_rad_s - healthy.sense().q_rad_s) * 100
-    # Damping takes up to M_q dt / 2, half a per cent.
+    # Damping reduces q by up to M_q dt / 2, half a percent.
     assert rate == pytest.approx(_rates(airframe, point)[1], rel=0.006)
-    told = plant.sense(health)
-    assert (told.effectiveness, told.elevator_force, told.cg_shift_cbar) == health[:3]
-    assert (told.gust_up_m_s, told.elevator_offset_rad) == (0.0, 0.0)
+    truth = plant.sense(health)
+    assert (truth.effectiveness, truth.elevator_force, truth.cg_shift_cbar) == health[:3]
+    assert (truth.gust_up_m_s, truth.elevator_offset_rad) == (0.0, 0.0)
 
 
 def test_a_cg_shift_can_be_taken_back(f16: Aircraft, point: TrimPoint) -> None:
-    """Where the c.g. was at take-off is 0 in flight, whatever the aircraft was configured with."""
+    """A shift in flight is relative to the c.g. at take-off, whatever the configured shift."""
     plant, never = (_plant(f16, point, cg_shift_cbar=0.013) for _ in range(2))
     plant.advance(point.elevator_rad, HEALTHY, HEALTHY)
-    plant._become(Health(cg_shift_cbar=0.05))
+    plant._set_health(Health(cg_shift_cbar=0.05))
     never.advance(point.elevator_rad, HEALTHY, HEALTHY)
     for _ in range(50):
         plant.advance(point.elevator_rad, HEALTHY, HEALTHY)
@@ -253,22 +255,22 @@ def test_a_cg_shift_can_be_taken_back(f16: Aircraft, point: TrimPoint) -> None:
     assert plant.sense() == never.sense()
 
 
-def test_gusts_do_not_enter_the_trim_and_are_told(f16: Aircraft, point: TrimPoint) -> None:
-    """JSBSim's gust outlives run_ic: it is written in flight alone."""
+def test_gusts_do_not_enter_the_trim_and_are_in_the_truth(f16: Aircraft, point: TrimPoint) -> None:
+    """JSBSim keeps the gust during run_ic, so the plant writes it only in flight."""
     gusts = one_minus_cosine(calm, at_s=0.0, up_m_s=10 * FT, rise_s=0.05, hold_s=1.0)
     plant, still = _plant(f16, point, gusts=gusts), _plant(f16, point)
     assert plant.sense() == still.sense()
-    told = plant._fdm.getter("atmosphere/gust-down-fps")
+    gust_down_fps = plant._fdm.getter("atmosphere/gust-down-fps")
     for k in range(1, 20):
         plant.advance(point.elevator_rad, HEALTHY, HEALTHY)
         assert plant.sense().gust_up_m_s == pytest.approx(gusts(k / 100), abs=1e-12)
-        assert told() * FT == pytest.approx(-gusts(k / 100), abs=1e-12)
+        assert gust_down_fps() * FT == pytest.approx(-gusts(k / 100), abs=1e-12)
 
 
 @pytest.mark.parametrize("mach", [0.6, 0.7, 0.8])
 @pytest.mark.parametrize("plant_hz", [100, 200, 400])
 def test_gusts_move_the_aircraft_as_the_linear_model_says(f16: Aircraft, mach: float, plant_hz: int) -> None:
-    """0.2 ft/s against the linear plant in the same air. What is left is a frame's delay: 1.5 % of q at 100 Hz, half at 200, ...
+    """A gust of 0.2 ft/s agrees with the linear plant. The remaining error is one frame of delay: 1.5 % of q at 100 Hz, half at 200, ...
 
     and 0.1 % that speed and attitude, which the short period does not have, take.
     """
@@ -289,7 +291,7 @@ def test_gusts_move_the_aircraft_as_the_linear_model_says(f16: Aircraft, mach: f
         error = np.abs(np.subtract(flown, expected)).max(axis=0) / np.abs(expected).max(axis=0)
         assert error[0] < 0.006 * 100 / plant_hz
         assert error[1] < 0.001 + 0.015 * 100 / plant_hz
-        # The first moments by themselves, from the peak at 0.15 s on: alpha' = Z_alpha w/V, q' = M_alpha w/V, before anything has moved.
+        # The initial response, from the peak at 0.15 s on: alpha' = Z_alpha w/V, q' = M_alpha w/V.
         alpha_rate, q_rate = (np.array(flown[17]) - flown[15]) / 0.02
         wind = up / here.airspeed_m_s
         assert alpha_rate == pytest.approx(design.A[0, 0] * wind, rel=0.15)
@@ -297,7 +299,7 @@ def test_gusts_move_the_aircraft_as_the_linear_model_says(f16: Aircraft, mach: f
 
 
 def test_forces_are_those_that_accelerate_the_aircraft(f16: Aircraft, point: TrimPoint) -> None:
-    """Load factor and speed, which JSBSim computes on another way, follow from lift, drag and thrust (Newton)."""
+    """Load factor and speed, which JSBSim computes independently, follow from lift, drag and thrust by Newton's law."""
     plant = _plant(f16, point, plant_hz=100)
     weight_n = plant._fdm.getter("inertia/weight-lbs")() * LBF
     flown = [plant.sense()]
@@ -308,7 +310,7 @@ def test_forces_are_those_that_accelerate_the_aircraft(f16: Aircraft, point: Tri
     normal = np.array([t.lift_n * np.cos(t.alpha_rad) + t.drag_n * np.sin(t.alpha_rad) for t in flown[:-1]])
     nz = np.array([t.nz_g for t in flown[1:]])
     assert nz.max() > 2.0 * nz[0]
-    np.testing.assert_allclose(normal / weight_n, nz, rtol=2e-4)  # fuel is burnt meanwhile
+    np.testing.assert_allclose(normal / weight_n, nz, rtol=2e-4)  # tolerance for the fuel burnt
     along = [
         (t.thrust_n * np.cos(t.alpha_rad) - t.drag_n) / weight_n - np.sin(t.theta_rad - t.alpha_rad) for t in flown
     ]

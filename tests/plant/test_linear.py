@@ -69,7 +69,7 @@ def test_at_rest_it_stays_at_trim(design: ShortPeriod) -> None:
 
 
 def test_a_gust_enters_as_angle_of_attack_and_is_seen_by_the_vane(design: ShortPeriod) -> None:
-    """Against integration of the continuous gust; held at its mean over a period, the plant is off by (dt / rise)^2 pi^2 / 24."""
+    """Against integration of the continuous gust; holding the mean over a period has an error of (dt / rise)^2 pi^2 / 24."""
     speed, up, rise, start = 250.0, 1.5, 0.2, 0.05
     gusts = one_minus_cosine(calm, at_s=start, up_m_s=up, rise_s=rise, hold_s=0.1)
     plant = LinearPlant(design, control_hz=100, airspeed_m_s=speed, gusts=gusts)
@@ -98,17 +98,17 @@ def test_a_gust_enters_as_angle_of_attack_and_is_seen_by_the_vane(design: ShortP
     assert np.abs(q).max() > 0.1 * design.A[1, 0] * up / speed
 
 
-def test_what_it_cannot_fly_is_refused(design: ShortPeriod) -> None:
+def test_unsupported_damage_and_gusts_are_rejected(design: ShortPeriod) -> None:
     shifted = Health(cg_shift_cbar=0.02)
-    with pytest.raises(ValueError, match=r"a c\.g\. shift of 0\.02 cbar has no meaning for A and b alone"):
+    with pytest.raises(ValueError, match=r"cg_shift_cbar: A and b alone do not model a c\.g\. shift \(got 0\.02\)"):
         LinearPlant(design, control_hz=100).advance(0.0, shifted, shifted)
     gusts = one_minus_cosine(calm, at_s=1.0, up_m_s=1.0, rise_s=1.0, hold_s=1.0)
-    with pytest.raises(ValueError, match="needs airspeed_m_s"):
+    with pytest.raises(ValueError, match="airspeed_m_s: must be given with gusts"):
         LinearPlant(design, control_hz=100, gusts=gusts)
 
 
 def _by_hand(design: ShortPeriod, health: Health, *, absolute: bool, dt: float) -> np.ndarray:
-    """exp of the matrix over (alpha, q, elevator, integral of elevator, command, 1), absolute deflections, written out."""
+    """Matrix exponential over (alpha, q, elevator, integral of elevator, command, 1), absolute deflections, written out."""
     (za, zq), (ma, mq), (zd, md) = *design.A, design.b
     force, K, lag, trim = health.elevator_force, health.effectiveness, design.actuator_rad_s, design.elevator_trim_rad
     lift, moment = (zd * trim, md * trim) if absolute else (force * zd * trim, K * md * trim)
@@ -126,7 +126,7 @@ def _by_hand(design: ShortPeriod, health: Health, *, absolute: bool, dt: float) 
 
 @pytest.mark.parametrize("absolute", [True, False])
 def test_shares_that_come_and_go_in_flight_against_matrices_written_out(design: ShortPeriod, absolute: bool) -> None:
-    """Force and moment apart, ramping and back to a Health seen before; round-off only."""
+    """Separate shares of force and moment, a ramp and a return to an earlier Health; differences are round-off."""
     damaged = [Health(0.3, 0.9), Health(0.3, 0.9), Health(1.0, 0.0), Health(0.0, 1.0), HEALTHY, Health(0.3, 0.9)]
     ramp = [Health(1.0 - k / 40, 1.0 - k / 80) for k in range(20)]
     healths = [HEALTHY, *damaged, *ramp, Health(), HEALTHY, *reversed(damaged)]
@@ -169,7 +169,7 @@ def test_process_noise_has_the_covariance_of_the_sum(
     for k in range(ticks):
         power = np.linalg.matrix_power(phi, k) @ G
         P += power @ np.diag(np.square(stds)) @ power.T
-    # All the plants are alike: one matrix exponential does for them (on a busy machine it takes 8 ms).
+    # All plants share one matrix exponential (8 ms on a busy machine).
     known: dict[tuple[bytes, bytes, float], Discrete] = {}
 
     def once(A: np.ndarray, b: np.ndarray, period_s: float) -> Discrete:
@@ -185,29 +185,29 @@ def test_process_noise_has_the_covariance_of_the_sum(
     for row in white:
         assert chi2.ppf(0.5e-4, runs) < row @ row < chi2.ppf(1 - 0.5e-4, runs)
         assert abs(row.sum()) < norm.ppf(1 - 0.5e-4) * np.sqrt(runs)
-    # A product of two unit normals has variance 1, and the sum of 1000 is normal enough.
+    # A product of two unit normals has variance 1; the sum of 1000 is approximately normal.
     assert abs(white[0] @ white[1]) < norm.ppf(1 - 0.5e-4) * np.sqrt(runs)
 
 
 def test_process_noise_is_white_repeatable_and_of_its_seed(design: ShortPeriod) -> None:
-    """Recovered from the motion, over more ticks than are drawn at a time; bounds that chance breaks once in 10,000 seeds, each."""
+    """The noise is recovered from the motion, over more ticks than one block; each bound fails by chance for 1 seed in 10,000."""
     stds, ticks = (1e-4, 1e-3), 1300
     x = _noisy(design, stds, 7, ticks)
     assert np.array_equal(_noisy(design, stds, 7, ticks), x)
     assert np.all(_noisy(design, stds, 8, 1)[1] != x[1])
-    assert np.abs(x).max() < 100.0  # the unstable motion has not swallowed the digits of w, 1e-6 in a period
+    assert np.abs(x).max() < 100.0  # small enough to resolve w, 1e-6 per period, in double precision
     block = np.zeros((4, 4))
     block[:2, :2], block[:2, 2:] = design.A, np.eye(2)
     held = expm(block * 0.01)
     w = np.linalg.solve(held[:2, 2:], x[1:].T - held[:2, :2] @ x[:-1].T) / np.array(stds)[:, None]
     for row in w:
         assert chi2.ppf(0.5e-4, ticks) < row @ row < chi2.ppf(1 - 0.5e-4, ticks)
-        for lag in (1, 2, 1024):  # a block that came again would correlate wholly
+        for lag in (1, 2, 1024):  # a repeated block would correlate fully
             assert abs(row[lag:] @ row[:-lag]) < norm.ppf(1 - 0.5e-4) * np.sqrt(ticks - lag)
 
 
 def test_without_process_noise_the_seed_changes_no_bit(design: ShortPeriod) -> None:
-    """Flown as a plant that knows of none; the least noise is seen, so that bits are what is compared."""
+    """The flight equals that of a plant without process noise bit for bit, and the smallest noise changes it."""
 
     def flown(**noise: Any) -> list[Truth]:
         plant, seen = LinearPlant(design, control_hz=100, airspeed_m_s=250.0, altitude_m=6000.0, **noise), []
@@ -224,7 +224,7 @@ def test_without_process_noise_the_seed_changes_no_bit(design: ShortPeriod) -> N
 
 @pytest.mark.parametrize("absolute", [True, False])
 def test_process_noise_adds_to_commands_failures_and_gusts(design: ShortPeriod, absolute: bool) -> None:
-    """Superposition: less the motion without noise, the motion is that of the noise alone; round-off only."""
+    """Superposition: the motion minus that without noise equals the motion by noise alone; differences are round-off."""
 
     def flown(*, moving: bool, stds: tuple[float, float]) -> np.ndarray:
         air: Gusts = (lambda t: 3.0 * np.cos(5.0 * t)) if moving else calm
@@ -245,7 +245,7 @@ def test_process_noise_adds_to_commands_failures_and_gusts(design: ShortPeriod, 
     assert np.all(np.abs(noise[:, :2]).max(axis=0) > 1e-3)
     both = flown(moving=True, stds=stds)
     assert both[:, :2] - quiet[:, :2] == pytest.approx(noise[:, :2], abs=1e-12)
-    assert np.array_equal(both[:, 2:], quiet[:, 2:])  # it does not reach the actuator
+    assert np.array_equal(both[:, 2:], quiet[:, 2:])  # the noise does not act on the actuator
 
 
 def test_a_gust_that_blows_from_the_start_is_felt_at_once(design: ShortPeriod) -> None:
@@ -254,7 +254,7 @@ def test_a_gust_that_blows_from_the_start_is_felt_at_once(design: ShortPeriod) -
 
 
 def test_level_at_trim_it_flies_straight_on(design: ShortPeriod) -> None:
-    """Theta is alpha's trim then, the flight path is level; what a short period does not have is nil."""
+    """Theta equals the trim alpha and the flight path is level; quantities outside the short period are 0 or nan."""
     plant = LinearPlant(design, control_hz=100, airspeed_m_s=250.0, altitude_m=6000.0)
     for _ in range(200):
         plant.advance(design.elevator_trim_rad, HEALTHY, HEALTHY)
@@ -267,7 +267,7 @@ def test_level_at_trim_it_flies_straight_on(design: ShortPeriod) -> None:
 
 
 def _kinematics(hz: int) -> tuple[list[Truth], np.ndarray, np.ndarray]:
-    """Fly a second of the thesis's aircraft in commands that change at 25 Hz.
+    """Fly the thesis's aircraft for one second with commands that change at 25 Hz.
 
     Returns the truth at 25 Hz; the exact (alpha, q, elevator, theta, altitude, north) there, and nz; the largest |q''|,
     |gamma''| and |gamma'| on the way.
@@ -299,7 +299,7 @@ def _kinematics(hz: int) -> tuple[list[Truth], np.ndarray, np.ndarray]:
 
 
 def test_flight_path_against_integration() -> None:
-    """alpha, q and elevator are exact. The rest is of second order in dt; what bounds it over T = 1 s:
+    """alpha, q and elevator are exact. The others are of second order in dt, with these bounds over T = 1 s:
 
     theta, the trapezoidal rule on q: T dt^2 |q''| / 12. Altitude and north, V sin and V cos of the mean of gamma at both ends:
     the rule's T dt^2 (|gamma''| + gamma'^2) / 12, dt^2 gamma'^2 / 8 for the sine of a mean, and the error of theta.
@@ -311,7 +311,7 @@ def test_flight_path_against_integration() -> None:
     assert error[:3] == pytest.approx(0.0, abs=1e-11)
     assert 0.0 < error[3] < dt**2 * q_2 / 12
     assert error[4:].max() < V * dt**2 * (q_2 / 12 + (gamma_2 + gamma_1**2) / 12 + gamma_1**2 / 8)
-    assert np.ptp(exact[:, 4]) > 5.0  # metres: it does climb
+    assert np.ptp(exact[:, 4]) > 5.0  # m: a considerable climb
     assert {t.mach for t in flown} == {0.9}
     assert {t.airspeed_m_s for t in flown} == {V}
 
@@ -329,7 +329,7 @@ def test_flight_path_converges_with_the_square_of_the_period_and_load_factor_wit
 
 
 def test_load_factor_is_the_mean_over_the_period() -> None:
-    """Against the exact flight path at both ends of each period; off by what the trapezoidal theta adds in one, V dt^2 |q''| / (12 g)."""
+    """Against the exact flight path at both ends of each period; the trapezoidal rule for theta adds at most V dt^2 |q''| / (12 g)."""
     aircraft = load_linear_aircraft("sillence")
     A, b = aircraft.design.with_actuator()
     V, dt = aircraft.airspeed_m_s, 0.01
@@ -348,10 +348,10 @@ def test_load_factor_is_the_mean_over_the_period() -> None:
         jerk = max(jerk, abs(float(A[1] @ (A @ y[:3] + b * command))))
         steepest = max(steepest, y[3] - y[0])
     assert np.ptp(found) > 2.0
-    # A fifth more for |q''| between the ticks: the fastest mode is the actuator's, exp(20 x 0.01).
+    # 20 % more for |q''| between ticks: the fastest mode is the actuator's, exp(20 x 0.01).
     tolerance = 1.2 * V / G0 * dt**2 / 12 * jerk
     assert np.abs(np.subtract(found, mean)).max() < tolerance
-    assert 1.0 - np.cos(steepest) > 5 * tolerance  # a load factor that counts from 1 would be seen
+    assert 1.0 - np.cos(steepest) > 5 * tolerance  # the test would detect nz = 1 + V gamma'/g
 
 
 def test_without_an_airspeed_there_is_attitude_but_no_flight_path(design: ShortPeriod) -> None:

@@ -1,4 +1,4 @@
-"""Aileron and rudder of the JSBSim plant, and every way in which an actuator fails there."""
+"""Aileron and rudder of the JSBSim plant, and every kind of actuator fault."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flightbed.units import DEG, FT
 from tests.test_aircraft import LOADS, POINTS, _settle, _stock
 
 ALTITUDE = 20000 * FT
-AT = 20  # tick at which things fail
+AT = 20  # onset of the fault, tick
 Commands = Callable[[int], tuple[float, float, float]]  # tick -> elevator beyond trim, aileron, rudder, rad
 
 
@@ -56,7 +56,7 @@ def _positions(flown: list[tuple[Truth, LateralTruth]], surface: str) -> np.ndar
 
 
 def _sway(k: int) -> tuple[float, float, float]:
-    """Move all three, a little, out of step."""
+    """Small commands of all three surfaces at different phases."""
     return 1.0 * DEG * np.sin(0.12 * k), 3.0 * DEG * np.sin(0.1 * k + 1.0), 3.0 * DEG * np.sin(0.08 * k + 2.0)
 
 
@@ -104,7 +104,7 @@ def test_a_stuck_surface_stays_exactly(f16: Aircraft, point: TrimPoint, surface:
     free = _positions(_fly(f16, point, healthy, _sway), surface)
     np.testing.assert_array_equal(position[: AT + 1], free[: AT + 1])
     assert set(position[AT:]) == {position[AT]}
-    assert abs(free[AT + 1] - free[AT]) > 1e-4  # it was moving
+    assert abs(free[AT + 1] - free[AT]) > 1e-4  # in motion at the onset
 
 
 @pytest.mark.parametrize("surface", SURFACES)
@@ -121,7 +121,7 @@ def test_a_hardover_runs_at_the_rate_limit_to_the_stop_whatever_is_commanded(
     actuator, position = _actuator(f16, surface), runs[0]
     stop = actuator.max_rad if side > 0.0 else actuator.min_rad
     assert np.abs(np.diff(position) * 100).max() == pytest.approx(actuator.rate_limit_rad_s, rel=1e-6)
-    # At the limit until the lag asks for less, which it does within rate / lag of the stop.
+    # At the rate limit until the lag demands less, within rate / lag of the stop.
     running = np.abs(position[AT:-1] - stop) > actuator.rate_limit_rad_s / actuator.lag_rad_s * 1.3
     rates = side * np.diff(position[AT:]) * 100
     np.testing.assert_allclose(rates[running][2:], actuator.rate_limit_rad_s, rtol=1e-6)
@@ -131,7 +131,7 @@ def test_a_hardover_runs_at_the_rate_limit_to_the_stop_whatever_is_commanded(
 
 
 @pytest.mark.parametrize("surface", SURFACES)
-def test_a_rate_limit_that_is_left_is_kept(f16: Aircraft, point: TrimPoint, surface: str) -> None:
+def test_a_reduced_rate_limit_is_not_exceeded(f16: Aircraft, point: TrimPoint, surface: str) -> None:
     def square(k: int) -> tuple[float, float, float]:
         level = 4.0 * DEG if (k // 25) % 2 else -4.0 * DEG
         return level, level, level
@@ -152,7 +152,7 @@ def test_without_any_rate_left_it_stands_still(f16: Aircraft, point: TrimPoint, 
 
 @pytest.mark.parametrize("surface", SURFACES)
 def test_a_bias_adds_to_what_acts_and_is_not_in_the_position(f16: Aircraft, point: TrimPoint, surface: str) -> None:
-    """Sound surfaces held 2 deg further do the same as a bias of 2 deg."""
+    """A bias of 2 deg acts like a healthy surface deflected by 2 deg more."""
     failing = biased(healthy, surface=surface, by_rad=2.0 * DEG, at_tick=0)
     hold = tuple(2.0 * DEG if name == surface else 0.0 for name in SURFACES)
     biased_flight = _fly(f16, point, failing, lambda _: (0.0, 0.0, 0.0), ticks=40)
@@ -181,8 +181,8 @@ def _held(aircraft: Aircraft, point: TrimPoint, health: Health, beyond: tuple[fl
 
 
 @pytest.mark.parametrize("surface", SURFACES)
-def test_a_free_surface_follows_the_stream(f16: Aircraft, point: TrimPoint, surface: str) -> None:
-    """Elevator at -alpha, rudder at +beta, aileron at 0, of the frame that begins; nothing of the actuator acts."""
+def test_a_floating_surface_aligns_with_the_flow(f16: Aircraft, point: TrimPoint, surface: str) -> None:
+    """The elevator floats at -alpha, the rudder at +beta, the aileron at 0 (start of the frame); the actuator has no effect."""
     flown = _fly(f16, point, floating(healthy, surface=surface, at_tick=AT), _sway, ticks=120, plant_hz=100)
     truth = np.array([t.elevator_offset_rad for t, _ in flown])
     alpha, beta = (np.array(v) for v in zip(*((t.alpha_rad, s.beta_rad) for t, s in flown), strict=True))
@@ -191,7 +191,7 @@ def test_a_free_surface_follows_the_stream(f16: Aircraft, point: TrimPoint, surf
     shares = np.array([(t.effectiveness, s.aileron_effectiveness, s.rudder_effectiveness) for t, s in flown])
     free = np.arange(len(flown)) >= AT
     np.testing.assert_array_equal(shares[:, SURFACES.index(surface)], np.where(free, 0.0, 1.0))
-    # What stands at a tick was set as the frame before it began.
+    # The value at a tick was set at the start of the previous frame.
     for name, offset, stream in (
         ("elevator", truth, -alpha),
         ("aileron", aileron, 0.0 * beta),
@@ -202,7 +202,7 @@ def test_a_free_surface_follows_the_stream(f16: Aircraft, point: TrimPoint, surf
         else:
             np.testing.assert_array_equal(offset[AT:], stream[AT - 1 : -1])
             np.testing.assert_array_equal(offset[:AT], 0.0)
-    positions = _positions(flown, surface)  # the pickup is at the actuator, which goes on as it is told
+    positions = _positions(flown, surface)  # the sensor is at the actuator, which follows its command
     assert np.ptp(positions[AT:]) > 0.5 * DEG
 
 
@@ -219,7 +219,7 @@ def test_effectiveness_scales_the_deflection(f16: Aircraft, point: TrimPoint, su
 
 @pytest.mark.parametrize("surface", ["aileron", "rudder"])
 def test_a_failure_acts_from_its_tick_on(f16: Aircraft, point: TrimPoint, surface: str) -> None:
-    """Held surface, K to 0.2 at AT: not a bit has changed at AT, and at the next tick the acceleration is gone."""
+    """Held surface, K = 0.2 from AT: bit-equal at AT, reduced acceleration at the next tick."""
 
     def hold(_k: int) -> tuple[float, float, float]:
         return (0.0, 3.0 * DEG, 0.0) if surface == "aileron" else (0.0, 0.0, 3.0 * DEG)
@@ -236,7 +236,7 @@ def test_a_failure_acts_from_its_tick_on(f16: Aircraft, point: TrimPoint, surfac
 def test_commanded_surfaces_are_the_stock_aircraft_at_the_same_positions(
     f16: Aircraft, point_: tuple[float, ...], aileron: float, rudder: float
 ) -> None:
-    """All loads against our own aircraft under the stock laws; against the stock aircraft what each table of aileron and rudder says.
+    """All loads equal those of the overlay under the stock laws, and each table of aileron and rudder that of the stock aircraft.
 
     The loads differ there: drag and lift of the flaperons, which the stock model sums with the aileron's sign, are taken out of ours.
     """

@@ -1,4 +1,4 @@
-"""A recorded flight, and how recordings are read back."""
+"""Fixtures: a recorded flight and readers of recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How recordings are read back."""
+"""Read recordings back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Live flights: the viewer sees them, and whatever becomes of it, they end as they would have."""
+"""Live flights: the viewer receives them, and problems of the viewer do not change them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from flightbed.mission import run
 from flightbed.pacing import WallClock
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.telemetry import viewer
-from flightbed.telemetry.shown import Shown
+from flightbed.telemetry.shown import FlightInfo
 from flightbed.trace import from_rows
 from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
 from tests.lateral_flight import NAMES, SOON, rolling
@@ -78,21 +78,21 @@ def test_the_viewer_sees_the_whole_flight(short: Scenario, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("in_g", [False, True])
 def test_rows_of_other_axes_are_handed_on_whole(monkeypatch: pytest.MonkeyPatch, in_g: bool) -> None:
-    """What the loop hands to the process that shows it is the flight, with aileron and rudder, or with the load factor."""
+    """The streaming process receives the complete flight, with aileron and rudder, or with the load factor."""
     handed: list[tuple[bytes, bytes]] = []
     live = Live()
     monkeypatch.setattr(live, "_put", lambda kind, content: handed.append((kind, content)))
-    monkeypatch.setattr(live, "start", lambda shown: handed.append((live_module.FLIGHT, shown.to_json().encode())))
+    monkeypatch.setattr(live, "start", lambda info: handed.append((live_module.FLIGHT, info.to_json().encode())))
     scenario = (
         load_scenario("cg-shift", ["duration_s=3", "command.start_s=1", "failures.0.at_s=2"]) if in_g else rolling(SOON)
     )
     result = run(scenario, live=live)
-    (told,) = (Shown.from_json(content.decode()) for kind, content in handed if kind == live_module.FLIGHT)
-    assert (told.lateral, told.in_g) == (not in_g, in_g)
-    assert told.estimators == (() if in_g else NAMES)
+    (info,) = (FlightInfo.from_json(content.decode()) for kind, content in handed if kind == live_module.FLIGHT)
+    assert (info.lateral, info.in_g) == (not in_g, in_g)
+    assert info.estimators == (() if in_g else NAMES)
     rows = np.frombuffer(b"".join(content for kind, content in handed if kind == live_module.ROWS))
-    more = {"lateral": told.lateral, "load_factor": told.in_g}
-    shown = from_rows(rows, estimators=told.estimators, control_hz=told.control_hz, **more)
+    more = {"lateral": info.lateral, "load_factor": info.in_g}
+    shown = from_rows(rows, estimators=info.estimators, control_hz=info.control_hz, **more)
     assert set(shown.columns) <= set(result.trace.columns)
     assert ("nz_ref_g" in shown.columns) == in_g
     for name in shown.columns:
@@ -119,7 +119,7 @@ def test_a_live_viewer_has_the_page_of_roll_and_yaw(tmp_path: Path) -> None:
 
 
 @needs_viewer
-def test_a_viewer_killed_in_flight_stops_nothing_and_is_told_once(short: Scenario, tmp_path: Path) -> None:
+def test_a_viewer_killed_in_flight_stops_nothing_and_is_reported_once(short: Scenario, tmp_path: Path) -> None:
     said: list[str] = []
     port = viewer.free_port()
     process = viewer.launch(port, "--headless")
@@ -130,19 +130,19 @@ def test_a_viewer_killed_in_flight_stops_nothing_and_is_told_once(short: Scenari
     result = run(scenario, tmp_path / "run", pace=WallClock(), live=Live(port=port, notify=said.append))
     killer.join()
     process.wait()
-    assert said == [f"the viewer at 127.0.0.1:{port} is gone; the flight goes on without it"]
+    assert said == [f"the viewer at 127.0.0.1:{port} was closed; the flight continues without it"]
     assert len(result.trace) == 800
     assert time.monotonic() - began < 8.0 + 12.0
     _same_flight(result, scenario)
 
 
-def test_without_somebody_to_tell_it_warns(short: Scenario) -> None:
-    with pytest.warns(UserWarning, match="does not answer; the flight goes on without it") as told:
+def test_without_a_callback_it_warns(short: Scenario) -> None:
+    with pytest.warns(UserWarning, match="does not answer; the flight continues without it") as caught:
         run(short, live=Live("127.0.0.2", viewer.free_port()))
-    assert len(told) == 1
+    assert len(caught) == 1
 
 
-def test_no_viewer_and_no_display_is_told_once(
+def test_no_viewer_and_no_display_is_reported_once(
     short: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
@@ -151,30 +151,30 @@ def test_no_viewer_and_no_display_is_told_once(
     port = viewer.free_port()
     result = run(short, tmp_path / "run", live=Live(port=port, notify=said.append))
     assert len(said) == 1
-    assert said[0].startswith(f"the viewer at 127.0.0.1:{port} is not there, and there is no display to open one on")
+    assert said[0].startswith(f"the viewer at 127.0.0.1:{port} cannot be opened without a display")
     _whole(result)
     _same_flight(result, short)
 
 
-def test_a_viewer_elsewhere_that_does_not_answer_is_told_once(short: Scenario) -> None:
+def test_a_viewer_elsewhere_that_does_not_answer_is_reported_once(short: Scenario) -> None:
     said: list[str] = []
     port = viewer.free_port()
     result = run(short, live=Live("127.0.0.2", port, said.append))  # not the address at which one would be opened
-    assert said == [f"the viewer at 127.0.0.2:{port} does not answer; the flight goes on without it"]
+    assert said == [f"the viewer at 127.0.0.2:{port} does not answer; the flight continues without it"]
     assert len(result.trace) == 300
 
 
 def test_a_viewer_that_takes_nothing_holds_nothing_up(
     short: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It accepts connections and never reads: what a hung viewer does."""
+    """A hung viewer: it accepts connections and never reads."""
     monkeypatch.setattr(live_module, "_CLOSING_S", 2.0)
     said: list[str] = []
     with socket.create_server(("127.0.0.1", 0), backlog=50) as server:
         live = Live(port=server.getsockname()[1], notify=said.append)
         result = run(short, tmp_path / "run", pace=WallClock(), live=live)
     assert said == [
-        f"the viewer at 127.0.0.1:{live.port} did not take the whole flight within 2 s; it is flown and written without it"
+        f"the viewer at 127.0.0.1:{live.port} did not take the whole flight within 2 s; the flight is complete and written"
     ]
     assert result.summary.realtime is not None
     assert result.summary.realtime.achieved_hz == pytest.approx(100.0, rel=0.05)
@@ -209,7 +209,7 @@ def test_an_interrupt_while_the_viewer_opens_leaves_no_process(
 
     with socket.create_server(("127.0.0.1", 0), backlog=50) as server:
         live = Live(port=server.getsockname()[1])
-        monkeypatch.setattr(live._told, "wait", interrupted)
+        monkeypatch.setattr(live._answered, "wait", interrupted)
         with pytest.raises(KeyboardInterrupt):
             run(short, live=live)
     assert live._process is not None
@@ -239,7 +239,7 @@ def test_an_interrupt_of_a_flight_that_is_written_only_lets_the_viewer_go(
         result = run(short, tmp_path / "run", live=live)
     _whole(result)
     assert said == [
-        f"the viewer at 127.0.0.1:{live.port} did not take the whole flight before the interrupt; it is flown and written without it"
+        f"the viewer at 127.0.0.1:{live.port} did not take the whole flight before the interrupt; the flight is complete and written"
     ]
     assert live._process is not None
     assert live._process.poll() is not None
@@ -284,10 +284,10 @@ def test_live_runs_nothing_from_the_folder_one_is_in(tmp_path: Path, monkeypatch
     )
     assert done.returncode == 0, done.stderr
     assert not (tmp_path / "ran").exists()
-    assert b"no display to open one on" in done.stderr  # it got as far as looking for a viewer
+    assert b"cannot be opened without a display" in done.stderr  # it got as far as looking for a viewer
 
 
-def test_what_does_not_fit_is_dropped_and_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_does_not_fit_is_dropped_and_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     live = Live(notify=said.append)
     for _ in range(live_module._QUEUE + 10):

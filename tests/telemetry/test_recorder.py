@@ -1,4 +1,4 @@
-"""The recording: verified by Rerun's own tool, and read back equal to the trace."""
+"""The recording: verified by Rerun's own tool, and equal to the trace when read back."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from flightbed.telemetry import mesh
 from flightbed.telemetry.channels import with_room
 from flightbed.telemetry.chase import quaternions
 from flightbed.telemetry.recording import write_recording
-from flightbed.telemetry.shown import Shown
+from flightbed.telemetry.shown import FlightInfo
 from flightbed.trace import row_packer
 from flightbed.units import DEG, FT
 from tests.flights import ShippedFlight
 from tests.lateral_flight import rolling
 from tests.telemetry.reading import rerun, series, static_text
 
-# entity -> what its lines are, computed from the trace's columns here and not by the channels' own code
+# entity -> its lines, computed from the trace's columns independently of telemetry/channels.py
 K = "effectiveness"
 LINES = {
     "/pitch_rate": ["q_ref_deg_s", "q_deg_s"],
@@ -47,12 +47,12 @@ LINES = {
     "/attitude": ["theta_deg", "phi_deg"],
     "/forces": ["lift_n", "drag_n", "thrust_n"],
 }
-# The same of a flight with roll and yaw, whose estimators are "surfaces", of all three, and "pitch".
-TURNING = {
+# The same for a flight with roll and yaw, with the estimators "surfaces" (all three surfaces) and "pitch".
+ROLL_YAW = {
     **{entity: lines for entity, lines in LINES.items() if "/nis/" not in entity},
     "/effectiveness": [f"{K}_true", f"surfaces.{K}_smoothed", f"pitch.{K}_smoothed", "effectiveness_stable_min"],
     "/sigma": [f"log10 {K}_bound", f"log10 surfaces.{K}_std", f"log10 pitch.{K}_std"],
-    "/nis/surfaces": ["surfaces.nis", 11.070497693516351],  # of five readings
+    "/nis/surfaces": ["surfaces.nis", 11.070497693516351],  # five readings
     "/nis/pitch": ["pitch.nis", 5.991464547107979],
     "/roll_rate": ["p_ref_deg_s", "p_deg_s"],
     "/bank": ["phi_deg"],
@@ -75,9 +75,9 @@ def turning(turned: Result) -> Path:
     return turned.folder / "flight.rrd"
 
 
-@pytest.mark.parametrize("entity", TURNING)
+@pytest.mark.parametrize("entity", ROLL_YAW)
 def test_every_line_of_roll_and_yaw_reads_back_equal_to_the_trace(turned: Result, turning: Path, entity: str) -> None:
-    _assert_reads_back(turned, turning, entity, TURNING[entity])
+    _assert_reads_back(turned, turning, entity, ROLL_YAW[entity])
 
 
 @pytest.mark.parametrize("entity", LINES)
@@ -104,31 +104,33 @@ def test_innovations_are_shown_over_their_sigma(flown: Result, recording: Path, 
     for i, (key, unit) in enumerate((("alpha", "deg"), ("q", "deg_s"))):
         ratio = trace[f"{name}.innovation_{key}_{unit}"][1:] / trace[f"{name}.innovation_{key}_std_{unit}"][1:]
         np.testing.assert_array_equal(values[1:, i], ratio)
-        assert values[0, i] == 0.0  # nothing is predicted of the first readings
+        assert values[0, i] == 0.0  # the first readings have no prediction
     np.testing.assert_array_equal(values[:, 2:], np.tile([2.0, -2.0], (len(values), 1)))
 
 
 def test_nothing_numeric_is_in_the_recording_that_is_not_compared_here(recording: Path) -> None:
-    """A plot that is added has to be added to LINES."""
-    told = {
+    """Every new plot must be added to LINES."""
+    entities = {
         c.entity_path for c in RrdReader(recording).stream() if "Scalars:scalars" in c.to_record_batch().schema.names
     }
-    others = {entity for entity in told if "/failure" not in entity and not entity.startswith("/innovation/")}
+    others = {entity for entity in entities if "/failure" not in entity and not entity.startswith("/innovation/")}
     assert others == set(LINES)
 
 
 def test_nothing_numeric_of_roll_and_yaw_is_there_that_is_not_compared_here(turning: Path) -> None:
-    told = {c.entity_path for c in RrdReader(turning).stream() if "Scalars:scalars" in c.to_record_batch().schema.names}
-    others = {entity for entity in told if "/failure" not in entity and not entity.startswith("/innovation/")}
-    assert others == set(TURNING)
-    assert {e for e in told if e.startswith("/innovation/")} >= {"/innovation/surfaces", "/innovation/pitch"}
+    entities = {
+        c.entity_path for c in RrdReader(turning).stream() if "Scalars:scalars" in c.to_record_batch().schema.names
+    }
+    others = {entity for entity in entities if "/failure" not in entity and not entity.startswith("/innovation/")}
+    assert others == set(ROLL_YAW)
+    assert {e for e in entities if e.startswith("/innovation/")} >= {"/innovation/surfaces", "/innovation/pitch"}
     assert not any(
-        "surfaces." in e for e in told if e.startswith(("/innovation/", "/nis/"))
+        "surfaces." in e for e in entities if e.startswith(("/innovation/", "/nis/"))
     )  # one filter, one innovation
 
 
 def test_failures_of_all_surfaces_are_upright_in_all_plots_of_roll_and_yaw(turning: Path) -> None:
-    for plot in TURNING:
+    for plot in ROLL_YAW:
         times, values = series(turning, f"{plot}/failure", "Scalars:scalars")
         np.testing.assert_allclose(times, [4.0, 4.0, 6.0, 6.0])
         assert values[0] < values[1] == values[2] > values[3], plot
@@ -175,7 +177,7 @@ def test_the_modes_are_those_of_each_surface(turned: Result, turning: Path) -> N
     ],
 )
 def test_a_surface_whose_actuator_fails_has_failed(keys: str, surface: str, tmp_path: Path) -> None:
-    """K stays 1: the trace does not tell, the scenario does."""
+    """K stays 1: the scenario has the information, the trace does not."""
     result = run(rolling([f"failures=[{{at_s=0.5, {keys}}}]", "duration_s=1"]), tmp_path / "run", report=False)
     assert np.all(result.trace["effectiveness_true"] == 1.0)
     for name in ("elevator", "aileron", "rudder"):
@@ -184,7 +186,7 @@ def test_a_surface_whose_actuator_fails_has_failed(keys: str, surface: str, tmp_
         assert list(zip(times, states, strict=True)) == [(0.0, "healthy"), *after], name
 
 
-def test_saturation_is_told_of_the_surface_that_saturates(tmp_path: Path) -> None:
+def test_saturation_is_reported_for_the_surface_that_saturates(tmp_path: Path) -> None:
     hard = ["failures=[]", "duration_s=2", "lateral.roll.amplitude_deg_s=300", "lateral.roll.filter_rad_s=0"]
     result = run(rolling(hard), tmp_path / "run", report=False)
     times, states = series(tmp_path / "run" / "flight.rrd", "/mode/saturation_aileron", "StateChange:state")
@@ -246,7 +248,7 @@ def test_a_recording_that_the_environment_forbids_is_refused(
     flown: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RERUN", "off")
-    with pytest.raises(OutputError, match="RERUN=off in the environment keeps Rerun from recording"):
+    with pytest.raises(OutputError, match=r"the environment variable RERUN disables recording \(got off\)"):
         write_recording(tmp_path / "flight.rrd", flown.trace, shown(flown))
 
 
@@ -304,7 +306,7 @@ def test_the_aircraft_moves_as_flown(flown: Result, recording: Path) -> None:
     assert np.hypot(*position[-1, :2]) == pytest.approx(250.0 * 16.5, rel=0.05)
 
 
-def test_the_trail_is_the_way_that_was_flown(recording: Path) -> None:
+def test_the_trail_is_the_flight_path(recording: Path) -> None:
     _, position = series(recording, "/world/cg", "Transform3D:translation")
     position = position.reshape(-1, 3)
     ends, pieces = [], []
@@ -319,13 +321,13 @@ def test_the_trail_is_the_way_that_was_flown(recording: Path) -> None:
     assert ends[-1] == pytest.approx(16.49)
 
 
-def test_the_failure_is_marked_in_every_plot_and_told_in_the_log(recording: Path) -> None:
+def test_the_failure_is_marked_in_every_plot_and_logged(recording: Path) -> None:
     entities = {c.entity_path for c in RrdReader(recording).stream()}
     for plot in [*LINES, "/innovation/scheduled", "/innovation/expanding"]:
         assert f"{plot}/failure" in entities, plot
         times, values = series(recording, f"{plot}/failure", "Scalars:scalars")
         np.testing.assert_allclose(times, [4.5, 4.5])
-        assert values[0] < values[1], plot  # upright, and seen
+        assert values[0] < values[1], plot  # vertical and of finite length
     times, texts = series(recording, "/events", "TextLog:text")
     assert "FAILURE: the elevator keeps 20% of its effect" in list(texts)
     assert times[list(texts).index("FAILURE: the elevator keeps 20% of its effect")] == pytest.approx(4.5)
@@ -341,7 +343,7 @@ def test_time_starts_at_zero_and_nothing_has_a_wall_clock(recording: Path) -> No
     assert first == 0
 
 
-def test_the_modes_are_told(flown: Result, recording: Path) -> None:
+def test_the_state_lanes_are_logged(flown: Result, recording: Path) -> None:
     times, states = series(recording, "/mode/elevator", "StateChange:state")
     assert list(zip(times, states, strict=True)) == [(0.0, "healthy"), (4.5, "failed")]
     times, states = series(recording, "/mode/detection_scheduled", "StateChange:state")
@@ -358,7 +360,7 @@ def test_the_modes_are_told(flown: Result, recording: Path) -> None:
 
 
 def test_the_mode_is_that_of_the_elevator(tmp_path: Path) -> None:
-    """A c.g. that moves at 0.5 s leaves it healthy until a failure of its own; both are marked."""
+    """After a c.g. shift at 0.5 s the elevator stays healthy until its own failure; both are marked."""
     moved = ["failures.1.kind=cg-shift", "failures.1.at_s=0.5", "failures.1.shift_cbar=0.01", "failures.0.at_s=0.8"]
     result = run(load_scenario("elevator-loss", [*moved, "duration_s=1"]), tmp_path / "run")
     assert result.folder is not None
@@ -387,7 +389,7 @@ def test_names_carry_units(recording: Path) -> None:
 
 
 def test_identical_flights_give_identical_recordings(recording: Path, tmp_path: Path) -> None:
-    """But for the times, seconds and speed of the computer's own clock, which no recording holds."""
+    """The recordings contain no times of the computer's clock."""
     again = run(load_scenario("elevator-loss"), tmp_path / "again")
     assert again.folder is not None
     done = rerun("rrd", "compare", "--unordered", str(recording), str(again.folder / "flight.rrd"))
@@ -399,28 +401,28 @@ def test_identical_flights_give_identical_recordings(recording: Path, tmp_path: 
 
 
 class _Heard(Live):
-    """What a flight hands to be shown, kept."""
+    """Collects the data that a flight sends to the viewer."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.told: list[str] = []
+        self.infos: list[str] = []
         self.rows: list[bytes] = []
 
-    def start(self, shown: Shown) -> None:
-        self.told.append(shown.to_json())
+    def start(self, info: FlightInfo) -> None:
+        self.infos.append(info.to_json())
 
-    def watched(self, samples: Iterable[Sample]) -> Iterator[Sample]:
+    def forward(self, samples: Iterable[Sample]) -> Iterator[Sample]:
         for sample in samples:
             self.rows.append(row_packer(len(sample.estimates), lateral=sample.lateral is not None)(sample))
             yield sample
 
-    def finish(self, flown: Shown) -> None:
-        self.told.append(flown.to_json())
+    def finish(self, info: FlightInfo) -> None:
+        self.infos.append(info.to_json())
 
 
 @pytest.mark.parametrize("name", ["elevator-loss", "elevator-loss-fixed"])
 def test_pieces_say_the_same_as_the_whole(name: str, tmp_path: Path) -> None:
-    """What the process that shows a live flight makes of its rows, as they come: the same values, modes and events as the file's."""
+    """The streaming process logs, part by part, the same values, states and events as the file."""
     lanes = ("elevator", "saturation", "detection_scheduled")
     _assert_pieces_are_the_whole(load_scenario(name), [*LINES, "/innovation/scheduled"], lanes, tmp_path)
 
@@ -428,7 +430,7 @@ def test_pieces_say_the_same_as_the_whole(name: str, tmp_path: Path) -> None:
 def test_pieces_of_roll_and_yaw_say_the_same_as_the_whole(tmp_path: Path) -> None:
     lanes = ("elevator", "aileron", "rudder", "saturation_aileron", "saturation_rudder", "detection_surfaces.aileron")
     moving = [f"/world/cg/attitude/{part}" for part in ("hinge_left/aileron", "hinge_fin/rudder", "hinge/stabilators")]
-    _assert_pieces_are_the_whole(rolling(), [*TURNING, "/innovation/surfaces"], lanes, tmp_path)
+    _assert_pieces_are_the_whole(rolling(), [*ROLL_YAW, "/innovation/surfaces"], lanes, tmp_path)
     for entity in moving:
         ours, theirs = (
             series(tmp_path / p, entity, "Transform3D:quaternion")[1] for p in ("pieces.rrd", "run/flight.rrd")
@@ -441,19 +443,19 @@ def _assert_pieces_are_the_whole(
 ) -> None:
     import rerun as rr
 
-    from flightbed.telemetry.streamer import Show
+    from flightbed.telemetry.streamer import LiveRecording
 
     heard = _Heard()
     result = run(scenario, tmp_path / "run", live=heard, report=False)
-    before, after = map(Shown.from_json, heard.told)
+    before, after = map(FlightInfo.from_json, heard.infos)
     stream = rr.RecordingStream("flightbed", recording_id="pieces")
     stream.save(tmp_path / "pieces.rrd")
     with stream:
-        show = Show(before, stream)
+        live = LiveRecording(before, stream)
         sizes = [1, 2, 7, 40, 400, 405, 900, len(heard.rows)]
         for begin, end in zip([0, *sizes], sizes, strict=False):
-            show.add(b"".join(heard.rows[begin:end]))
-        show.result(after)
+            live.add(b"".join(heard.rows[begin:end]))
+        live.finish(after)
         stream.flush()
     stream.disconnect()
     assert result.folder is not None
@@ -463,10 +465,10 @@ def _assert_pieces_are_the_whole(
         wanted, theirs = series(whole, entity, "Scalars:scalars")
         np.testing.assert_array_equal(times, wanted)
         if entity == "/sigma":
-            theirs = theirs[:, 1:]  # the bound comes after the flight
+            theirs = theirs[:, 1:]  # the bound is computed after the flight
         elif entity == "/effectiveness":
-            theirs = theirs[:, :-1]  # as does from which K on the loop is stable
-        # Running sums of the excitation begin anew with every piece.
+            theirs = theirs[:, :-1]  # likewise the lower stability limit of K
+        # The running sums of the excitation restart with every part.
         np.testing.assert_allclose(values, theirs, rtol=1e-9 if entity == "/excitation" else 0.0, atol=1e-9)
     ours, theirs = (set(series(p, "/events", "TextLog:text")[1]) for p in (pieces, whole))
     assert ours == theirs
@@ -480,7 +482,7 @@ def _assert_pieces_are_the_whole(
 
 
 def test_a_ten_minute_flight_is_in_proportion(tmp_path: Path) -> None:
-    """And written in a second: five here, so that a busy machine does not fail it; benchmarks/viewer.py measures it."""
+    """Writing takes one second; the limit is five for busy machines. benchmarks/viewer.py measures the time."""
     overrides = ["duration_s=600", "command.count=1000", "failures.0.at_s=300", "failures.0.to=0.9"]
     result = run(load_scenario("elevator-loss", overrides))
     assert len(result.trace) == 60_000
@@ -499,7 +501,7 @@ def test_quaternions_turn_body_axes_into_north_east_down() -> None:
     ours = quaternions(phi, theta, psi)
     np.testing.assert_allclose(ours * np.sign(ours[:, [3]]), theirs * np.sign(theirs[:, [3]]), atol=1e-12)
     nose = Rotation.from_quat(quaternions(np.zeros(1), np.array([10 * DEG]), np.zeros(1))).apply([1.0, 0.0, 0.0])[0]
-    assert nose[2] < 0  # nose up points up: down is positive
+    assert nose[2] < 0  # nose up; down is positive
 
 
 def test_the_stabilators_turn_with_the_elevator(flown: Result, recording: Path) -> None:
@@ -526,7 +528,7 @@ def test_the_mesh_is_symmetric_and_its_faces_are_in_range() -> None:
     assert 9.0 < np.ptp(mesh.airframe().vertices[:, 1]) < 10.5  # and 9.5 m wide
 
 
-def test_what_is_reconstructed_is_shown_beside_what_acts(tmp_path: Path) -> None:
+def test_a_reconstructed_input_is_plotted_with_its_truth(tmp_path: Path) -> None:
     elevator = ["elevator_acting_deg", "elevator_mean_meas_deg"]
     for scenario, beside in (("elevator-bias", elevator), ("harmonic-gust", ["gust_alpha_deg"])):
         flown = run(load_scenario(scenario, ["duration_s=7"]), tmp_path / scenario, report=False)
@@ -534,5 +536,5 @@ def test_what_is_reconstructed_is_shown_beside_what_acts(tmp_path: Path) -> None
         for name in ("retrospective", "random-walk"):
             lines: list[str | float] = [*beside, f"{name}.reconstructed_deg"]
             _assert_reads_back(flown, flown.folder / "flight.rrd", f"/reconstruction/{name}", lines)
-        told = {c.entity_path for c in RrdReader(flown.folder / "flight.rrd").stream()}
-        assert "/reconstruction/scheduled" not in told
+        entities = {c.entity_path for c in RrdReader(flown.folder / "flight.rrd").stream()}
+        assert "/reconstruction/scheduled" not in entities

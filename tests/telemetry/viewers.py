@@ -1,4 +1,4 @@
-"""Whether the viewer can draw here: it needs a Vulkan driver. Where tests must not be left out, it has to."""
+"""Skip condition of viewer tests without a Vulkan driver; where no test may be skipped, a missing driver is an error."""
 
 from __future__ import annotations
 

@@ -90,13 +90,13 @@ forward, no wind, level flight (a glide without an engine). {len(good)} of {len(
 
 ## Trimmed and linearized
 
-Elevator is the normalized command. Roots in rad/s; kinks are derivatives that the aircraft's tables do not have at this point.
+The elevator is a normalized command. Roots are in rad/s; kinks are derivatives that do not exist at this point of the tables.
 
 | aircraft | kt CAS, ft | alpha, deg | elevator | throttle | residual | short period | Dutch roll | roll | spiral | notes |
 |---|---|---|---|---|---|---|---|---|---|---|
 """
         + "\n".join(good)
-        + "\n\n## Not\n\n| aircraft | kt CAS, ft | why |\n|---|---|---|\n"
+        + "\n\n## Failures\n\n| aircraft | kt CAS, ft | reason |\n|---|---|---|\n"
         + "\n".join(bad)
         + "\n"
     )
