@@ -1,4 +1,4 @@
-"""Trace -> Metrics: how well it tracked, how well it estimated."""
+"""Trace -> Metrics: tracking errors of the flight and errors of its estimators."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ BAND = 0.2  # of the true K: the thesis's settling band
 
 @dataclass(frozen=True)
 class EstimatorMetrics:
-    """How one estimator did; None where there is no failure, or it never happens.
+    """Metrics of one estimator; None where there is no failure, or where the event does not occur.
 
-    "The failure" is here the one that an estimator of K is about: the first change of K, Metrics.estimators_since_s.
+    "The failure" here is the first change of K, at Metrics.estimators_since_s.
 
     Attributes:
         final: last K-hat.
@@ -36,14 +36,14 @@ class EstimatorMetrics:
         rms_error_smoothed_post: RMS error of the smoothed K-hat after the failure.
         std_pre: standard deviation of K-hat before the failure.
         first_within_20pct_s: first entry of K-hat into +-20 % of the true K.
-        first_within_20pct_smoothed_s: the same of the smoothed K-hat.
+        first_within_20pct_smoothed_s: the same for the smoothed K-hat.
         nis_mean: mean normalized innovation squared, over the ticks that have one.
-        nis_expected: what that is if the estimator's model holds: the number of readings that it predicts; None if it does not say.
-        detected_at_s: first alarm after the failure; None for estimators without a test, too.
+        nis_expected: expected nis_mean if the estimator's model holds: the number of readings that it predicts; None if unknown.
+        detected_at_s: first alarm after the failure; None also for estimators without a test.
         false_alarms: alarms before the failure.
-        nees_mean_post: mean of ((K-hat - K) / sigma)^2 from 0.3 s after the failure, before the bounds; 1 if sigma is honest.
-        efficiency: mean square that the Cramer-Rao bound of its column ``effectiveness_bound`` allows over the mean square error; None
-            without a true model to compute it from, and for aileron and rudder.
+        nees_mean_post: mean of ((K-hat - K) / sigma)^2 from 0.3 s after the failure, K-hat before the bounds; 1 for a consistent sigma.
+        efficiency: mean square of the Cramer-Rao bound (column ``effectiveness_bound``) over the mean square error; None without a true
+            model for the bound, and for aileron and rudder.
 
     """
 
@@ -63,19 +63,19 @@ class EstimatorMetrics:
 
 @dataclass(frozen=True)
 class Metrics:
-    """How one flight went.
+    """Metrics of one flight.
 
     Attributes:
         departed: |alpha - alpha_trim| > 25 deg, or a state that is not finite; where aileron and rudder are commanded also |beta| > 25 deg.
-        departed_at_s: flight time of that; None if it did not.
+        departed_at_s: flight time of the departure; None without one.
         tracking_rms_pre_deg_s, tracking_rms_post_deg_s: RMS of q - q_ref before the first failure of any kind, and from 0.3 s after it.
-        tracking_rms_pre_p_deg_s, tracking_rms_post_p_deg_s, tracking_rms_pre_beta_deg, tracking_rms_post_beta_deg: the same of roll rate
-            and sideslip; None where aileron and rudder are not commanded.
-        tracking_rms_pre_nz_g, tracking_rms_post_nz_g: the same of the load factor; None where the flight is not commanded in g.
-        pull_up_overshoot, pull_up_undershoot, pull_up_disturbance_g, pull_up_flutter_deg: of a flight that is commanded in g and whose
-            first command is a pulse, see ``PullUp``; None in others, and what a flight did not get to.
-        estimators_since_s: from where the estimators' times count: the first tick at which the true K is not 1, or, in a flight whose K
-            stays, the first failure; None without a failure.
+        tracking_rms_pre_p_deg_s, tracking_rms_post_p_deg_s, tracking_rms_pre_beta_deg, tracking_rms_post_beta_deg: the same for roll
+            rate and sideslip; None where aileron and rudder are not commanded.
+        tracking_rms_pre_nz_g, tracking_rms_post_nz_g: the same for the load factor; None for flights not commanded in g.
+        pull_up_overshoot, pull_up_undershoot, pull_up_disturbance_g, pull_up_flutter_deg: for a flight commanded in g whose
+            first command is a pulse, see ``PullUp``; None for other flights, and after an early end.
+        estimators_since_s: origin of the estimators' times: the first tick at which the true K is not 1, or, with a constant K, the first
+            failure; None without a failure.
 
     """
 
@@ -112,9 +112,9 @@ def measure(
 
     Args:
         trace: the flight.
-        alpha_trim_deg: where departure counts from.
-        failed_at_s: time of the first failure of any kind; None for a flight without, all of which is then "pre".
-        readings: of each estimator how many readings it predicts, as far as it says.
+        alpha_trim_deg: angle of attack from which departure is measured.
+        failed_at_s: time of the first failure of any kind; None without a failure, and then the whole flight is "pre".
+        readings: estimator -> number of readings that it predicts, where known.
 
     """
     pre, _, post = _phases(trace, failed_at_s)
@@ -124,16 +124,16 @@ def measure(
     if "beta_deg" in trace.columns:
         departed = departed or not abs(trace["beta_deg"][-1]) <= limit_deg
     error = trace["q_deg_s"] - trace["q_ref_deg_s"]
-    beside: dict[str, float | None] = {}
+    other_axes: dict[str, float | None] = {}
     for axis, unit in (("p", "deg_s"), ("beta", "deg"), ("nz", "g")):
         if f"{axis}_ref_{unit}" in trace.columns:
             off = trace[f"{axis}_{unit}"] - trace[f"{axis}_ref_{unit}"]
-            beside |= {
+            other_axes |= {
                 f"tracking_rms_pre_{axis}_{unit}": _rms(off[pre]),
                 f"tracking_rms_post_{axis}_{unit}": _rms(off[post]),
             }
     if "nz_cmd_g" in trace.columns and len(trace) > 1:
-        beside |= _pull_up(trace)
+        other_axes |= _pull_up(trace)
     return Metrics(
         departed=departed,
         departed_at_s=float(trace["t_s"][-1]) if departed else None,
@@ -146,7 +146,7 @@ def measure(
             )
             for name in trace.estimators
         },
-        **beside,
+        **other_axes,
     )
 
 
@@ -154,19 +154,19 @@ def _pull_up(trace: Trace) -> dict[str, float | None]:
     hz = round(1.0 / float(trace["t_s"][1] - trace["t_s"][0]))
     if first_pulse(command_g(trace.columns), control_hz=hz) is None:
         return {}
-    pulled = pull_up(trace.columns, control_hz=hz, ticks=len(trace))
-    found = {key: float(getattr(pulled, key.removeprefix("pull_up_"))) for key in PULL_UP_METRICS}
+    measured = pull_up(trace.columns, control_hz=hz, ticks=len(trace))
+    found = {key: float(getattr(measured, key.removeprefix("pull_up_"))) for key in PULL_UP_METRICS}
     return {key: value if isfinite(value) else None for key, value in found.items()}
 
 
 def since_s(trace: Trace, estimate: str, failed_at_s: float | None) -> float | None:
-    """Return from where the times of an estimate count: the first at which its K is not 1, or, if that stays, that of the first failure."""
+    """Return the origin of an estimate's times, s: the first time at which its K is not 1, or, with a constant K, the first failure."""
     changed = trace["t_s"][trace[true_share(estimate)] != 1.0]
     return float(changed[0]) if changed.size else failed_at_s
 
 
 def _phases(trace: Trace, failed_at_s: float | None) -> tuple[Mask, Mask, Mask]:
-    """Return which ticks are before a failure, after it, and after it has settled."""
+    """Return masks (ticks,) of the ticks before a failure, after it, and from ``SETTLING_S`` after it."""
     t = trace["t_s"]
     start = np.inf if failed_at_s is None else failed_at_s - 1e-9
     return t < start, t >= start, t >= start + SETTLING_S
@@ -206,18 +206,20 @@ def _detected(trace: Trace, name: str, failed: npt.NDArray[np.bool_]) -> float |
 
 
 def _efficiency(trace: Trace, error: Vector, post: npt.NDArray[np.bool_]) -> float | None:
-    """Return the mean square that the Cramer-Rao bound allows over the mean square that was had."""
+    """Return the mean square of the Cramer-Rao bound over the mean square error."""
     if "effectiveness_bound" not in trace.columns:
         return None
     best = trace["effectiveness_bound"]
-    told = post & (best < 0.5)  # elsewhere the readings say less than that K lies between 0 and 1
-    return _finite(np.mean(best[told] ** 2) / np.mean(error[told] ** 2)) if told.any() and np.any(error[told]) else None
+    usable = post & (best < 0.5)  # a larger bound says less about K than 0 <= K <= 1 does
+    if not usable.any() or not np.any(error[usable]):
+        return None
+    return _finite(np.mean(best[usable] ** 2) / np.mean(error[usable] ** 2))
 
 
 def _nees(error: Vector, std: Vector, post: Mask) -> float | None:
-    """Return the mean of (error/std)^2; None for an estimator that does not tell its std, or calls itself exact."""
-    told = post & (std > 0.0)
-    return _mean((error[told] / std[told]) ** 2) if told.any() and told.sum() == post.sum() else None
+    """Return the mean of (error/std)^2; None for an estimator whose std is 0 or nan at any tick."""
+    usable = post & (std > 0.0)
+    return _mean((error[usable] / std[usable]) ** 2) if usable.any() and usable.sum() == post.sum() else None
 
 
 def _mean(values: Vector) -> float | None:
@@ -233,7 +235,7 @@ def _finite(value: float | np.floating[Any]) -> float | None:
 
 
 def at_stop(trace: Trace, actuator: Actuator, surface: str = "elevator") -> npt.NDArray[np.bool_]:
-    """Return at which ticks the command to a surface is cut at a stop of its actuator."""
+    """Return the mask (ticks,) of the ticks at which the command to a surface is at a stop of its actuator."""
     command = trace[f"{surface}_cmd_deg"] * DEG
     return (command <= actuator.min_rad + 1e-9) | (command >= actuator.max_rad - 1e-9)
 
@@ -241,7 +243,7 @@ def at_stop(trace: Trace, actuator: Actuator, surface: str = "elevator") -> npt.
 def snr_db(
     *, alpha_max: float, q_max: float, alpha_std: float, q_std: float, poles: npt.NDArray[np.complex128]
 ) -> float | None:
-    """Return the signal-to-noise ratio of Sillence eq (82), dB; alpha and q in the same angle unit as their noise.
+    """Return the signal-to-noise ratio of Sillence eq (82), dB; alpha and q in the angle unit of their noise.
 
     Pitch rate is weighted by w = 1/sqrt|p1 p2|, p the short-period poles, rad/s. None without a signal.
     """

@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound against a batch least-squares covariance that is computed another way."""
+"""The Cramer-Rao bound against independently computed batch least-squares covariances."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flightbed.units import DEG, FT
 
 
 def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator) -> None:
-    """Sensitivities by differences of whole simulated records, covariance by numpy's pseudo-inverse."""
+    """Sensitivities are differences of simulated records; the covariance is numpy's pseudo-inverse."""
     T, r = 40, np.array([2.7e-7, 3.7e-6])
     models = np.zeros((T, 2, 4))
     for model in models:
@@ -51,7 +51,7 @@ def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator)
 def test_round_off_does_not_grow_with_the_stretch_of_an_unstable_aircraft(
     rng: np.random.Generator, seconds: int
 ) -> None:
-    """Against the sum and its inverse in as many digits as it takes: what the first state does grows by up to e^60 here."""
+    """Against the sum and its inverse in sufficient precision: the effect of the first state grows by up to e^60 here."""
     T, std = 100 * seconds, (5e-4, 2e-3)
     A, b, u = expm(0.01 * np.array([[-1.0, 1.0], [4.0, -1.0]])), (5e-4, -0.14), (0.1 * rng.standard_normal(T)).tolist()
     models = np.zeros((T, 2, 4))
@@ -76,7 +76,7 @@ def test_round_off_does_not_grow_with_the_stretch_of_an_unstable_aircraft(
 
 @pytest.fixture(scope="module")
 def losing() -> Result:
-    """The F-16, on its schedule, losing its elevator at tick 450."""
+    """The F-16 on its schedule, with an elevator loss at tick 450."""
     return run(load_scenario("elevator-loss", ["duration_s=6"]))
 
 
@@ -90,7 +90,7 @@ def test_models_on_the_schedule_are_its_tangents_along_the_true_motion(losing: R
     assert schedule is not None
     models = schedule_models(trace, schedule, control_hz=100)
     packed, rates = schedule.packed(), np.zeros((2, 4))
-    assert not models[0].any()  # no period ends there
+    assert not models[0].any()  # no period ends at tick 0
     for k in (1, 200, 449, 450, 451, 452, 500, 599):
         K, u = trace["effectiveness_true"][k - 1], trace["elevator_mean_meas_deg"][k] * DEG
         alpha, q, theta, phi = (trace[c][k - 1] * DEG for c in ("alpha_deg", "q_deg_s", "theta_deg", "phi_deg"))
@@ -128,7 +128,7 @@ def test_models_on_the_schedule_reproduce_the_motion(losing: Result) -> None:
     assert np.all(errors(design_models(trace, losing.plan.design, control_hz=100)) > 5 * scheduled)
 
 
-def test_more_data_say_more_and_a_change_begins_anew(losing: Result) -> None:
+def test_the_bound_decreases_with_data_and_restarts_at_a_change(losing: Result) -> None:
     assert losing.plan.schedule is not None
     noise = sensor_noise(losing.plan.scenario)
     models = schedule_models(losing.trace, losing.plan.schedule, control_hz=100)
@@ -136,13 +136,15 @@ def test_more_data_say_more_and_a_change_begins_anew(losing: Result) -> None:
     window = bound(losing.trace, models, noise, window=30)
     assert np.all(everything <= window * (1 + 1e-9))
     assert np.all(np.diff(everything[455:]) <= 1e-12)
-    assert np.isinf(everything[450]) or everything[450] < everything[451]  # at the change the old stretch still counts
+    assert (
+        np.isinf(everything[450]) or everything[450] < everything[451]
+    )  # the sample at the change belongs to the old stretch
     assert everything[452] > 10 * everything[450]
     assert np.array_equal(losing.trace["effectiveness_bound"], window)
 
 
 @pytest.mark.parametrize("window", [1, 30])
-def test_a_window_is_the_last_so_many_periods_and_nothing_before_a_change(losing: Result, window: int) -> None:
+def test_a_window_holds_the_last_periods_since_the_change(losing: Result, window: int) -> None:
     """Against the covariance of a least-squares fit to the readings of that stretch alone, by a QR of its sensitivities."""
     trace, schedule, noise = losing.trace, losing.plan.schedule, sensor_noise(losing.plan.scenario)
     assert schedule is not None
@@ -151,21 +153,21 @@ def test_a_window_is_the_last_so_many_periods_and_nothing_before_a_change(losing
     u = trace["elevator_mean_meas_deg"] * DEG
     weights = 1.0 / np.array([noise.alpha_rad, noise.q_rad_s])
     for k in (40, 300, 449, 450, 451, 452, 470, 479, 480, 481, 599):
-        first = max(0, k - window, 450 if k > 450 else 0)  # what acts from 450 on is read at 451 for the first time
+        first = max(0, k - window, 450 if k > 450 else 0)  # K from tick 450 on affects the reading at 451 first
         S, rows = np.eye(2, 3), []
         for j in range(first, k + 1):
             if j > first:
                 S = models[j, :, :2] @ S
                 S[:, 2] += models[j, :, 2] * u[j]
             rows.append(weights[:, None] * S)
-        # The last of the triangle is what K's column has left, orthogonal to those of the state.
+        # The last diagonal element of the triangle is the part of K's column orthogonal to those of the state.
         left = abs(np.linalg.qr(np.vstack(rows), mode="r")[2, 2])
         assert found[k] == pytest.approx(1.0 / left, rel=1e-6), k
 
 
 @pytest.fixture(scope="module")
 def thesis() -> Result:
-    """The thesis's aircraft in its doublets, nothing failing, flown by a fixed law."""
+    """The thesis's aircraft in doublets without failure, under a fixed law."""
     return run(load_scenario("thesis-loss", ["failures=[]", "adaptation.enabled=false", "duration_s=6"]))
 
 
@@ -196,14 +198,14 @@ def test_models_of_a_linear_flight_reproduce_its_motion(thesis: Result) -> None:
     assert np.all(np.abs(free + models[:, :, 2] * u[:-1, None] - x[1:]).max(axis=0) > 5 * bounds)
 
 
-def test_the_affine_term_is_that_of_the_trim_deflection(design: ShortPeriod, thesis: Result) -> None:
+def test_the_affine_term_comes_from_the_trim_deflection(design: ShortPeriod, thesis: Result) -> None:
     """At trim, with full effectiveness, the model stays at rest."""
     (model, *_) = design_models(thesis.trace, design, control_hz=100)
     assert design.elevator_trim_rad != 0.0
     assert model[:, 2] * design.elevator_trim_rad + model[:, 3] == pytest.approx([0.0, 0.0], abs=1e-17)
 
 
-def test_the_bound_is_the_covariance_of_the_joint_filter_that_knows_nothing_beforehand(thesis: Result) -> None:
+def test_the_bound_equals_the_covariance_of_the_joint_filter_without_prior(thesis: Result) -> None:
     """Readings from the first on, no process noise, the same u: filter and bound then weigh the same information.
 
     The filter starts from the first reading and its variances, so that it has used it, and with a variance of K of 1e4. Against that of
@@ -219,7 +221,7 @@ def test_the_bound_is_the_covariance_of_the_joint_filter_that_knows_nothing_befo
     u = trace["elevator_mean_meas_deg"][1:] * DEG
     filtered = estimate_record(A, b, np.eye(2), Q=np.zeros((2, 2)), R=R, u=u, z=z[1:], x0=np.append(z[0], 1.0), P0=P0)
     sigma = np.sqrt(filtered.P[:, 2, 2])
-    told = sigma < 0.1
-    assert told.sum() > 500
-    assert found[1:][told] == pytest.approx(sigma[told], rel=1e-6)
-    assert sigma[-1] < 0.01 < sigma[told].max()
+    observable = sigma < 0.1
+    assert observable.sum() > 500
+    assert found[1:][observable] == pytest.approx(sigma[observable], rel=1e-6)
+    assert sigma[-1] < 0.01 < sigma[observable].max()

@@ -135,7 +135,7 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
         ('[[criteria]]\nmetric = "departd"\nequals = false\n', "criteria.0.metric: there is no metric 'departd'; did you mean departed?"),
         ('[[criteria]]\nmetric = "departed"\n', "criteria.0: needs equals, min or max"),
         ('[traces]\nkeep = "chosen"\nindices = [7]\n', "traces.indices: must be below 3, the number of flights (got 7)"),
-        ('combine = "paired"\n' + MACH + K, "axes: combine = 'paired' needs as many values of each (got condition.mach 2, failures.0.to 3)"),
+        ('combine = "paired"\n' + MACH + K, "axes: combine = 'paired' needs the same number of values for every key (got condition.mach 2, failures.0.to 3)"),
     ],
 )  # fmt: skip
 def test_problems_name_place_value_and_cure(tmp_path: Path, text: str, problem: str) -> None:

@@ -10,7 +10,7 @@ from measuring import interleaved, seconds
 
 from flightbed.assembly import assemble
 from flightbed.estimation.base import Commanded
-from flightbed.loop import fly, teller
+from flightbed.loop import fly, updater
 from flightbed.plan import Plan, plan
 from flightbed.settings import Scenario
 from flightbed.signals import Sample
@@ -27,13 +27,13 @@ def costs_us(scenario: Scenario, rounds: int) -> dict[str, list[float]]:
 def _update_us(planned: Plan, index: int, samples: list[Sample]) -> float:
     """Return the time of an update; the estimator is made before, and is that of no flight."""
     estimator = assemble(planned).estimators[index]
-    tell: Callable[..., object] = teller(estimator)
+    update: Callable[..., object] = updater(estimator)
     hears: Callable[[float], object] | None = estimator.commanded if isinstance(estimator, Commanded) else None
     given = [(s.measurement, s.lateral and s.lateral.measurement, s.elevator_cmd_rad) for s in samples]
 
     def feed() -> None:
         for pitch, lateral, command in given:
-            tell(pitch, lateral)
+            update(pitch, lateral)
             if hears is not None:
                 hears(command)
 
