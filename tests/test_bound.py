@@ -81,10 +81,10 @@ def losing() -> Result:
 
 
 def test_models_on_the_schedule_are_its_tangents_along_the_true_motion(losing: Result) -> None:
-    """By scipy's matrix exponential of the rates at the period's start, with the deflection and the K of that period.
+    """Against scipy's matrix exponential of the rates at the start of the period, with the deflection and the K of that period.
 
-    The model's series of [A | b | c] dt is cut after |A dt|^2 / 6 of it; the rest is |A dt|^3 / 24, and a twentieth of that for what
-    follows, with |A dt| below 0.2.
+    The model truncates the series of [A | b | c] dt after |A dt|^2 / 6; the remainder is |A dt|^3 / 24, and a twentieth of this for
+    the higher orders, with |A dt| below 0.2.
     """
     trace, schedule = losing.trace, losing.plan.schedule
     assert schedule is not None
@@ -108,9 +108,9 @@ def test_models_on_the_schedule_are_its_tangents_along_the_true_motion(losing: R
 
 
 def test_models_on_the_schedule_reproduce_the_motion(losing: Result) -> None:
-    """x+ = A x + b K u + c, where the aircraft does what its tables say; far better than the model of trim.
+    """x+ = A x + b K u + c holds where the aircraft agrees with its tables, far better than the model at trim.
 
-    The median error of pitch rate in a period is that of the schedule, 0.05 deg/s^2 (see test_schedule), of alpha 0.02 deg/s.
+    The median error of the pitch rate in a period is that of the schedule, 0.05 deg/s^2 (see test_schedule), that of alpha 0.02 deg/s.
     """
     trace, schedule = losing.trace, losing.plan.schedule
     assert schedule is not None
@@ -182,10 +182,10 @@ def test_models_of_a_linear_flight_are_the_discrete_matrices(thesis: Result) -> 
 
 
 def test_models_of_a_linear_flight_reproduce_its_motion(thesis: Result) -> None:
-    """x+ = A x + b u along the true motion, u the mean over the period: off by what u varies in it, dt^3 |A b u'| / 12.
+    """x+ = A x + b u along the true motion, u the mean over the period; the error by the variation of u is dt^3 |A b u'| / 12.
 
-    The largest u' is that after a step of the command: 1.1 times its mean over the period, as it decays with exp(-20 t); another tenth
-    for the next order of A dt. With the mean of the period before the error is another.
+    The largest u' follows a step of the command: 1.1 times its mean over the period, because it decays with exp(-20 t); another tenth
+    for the next order of A dt. With the mean of the previous period the error is larger.
     """
     trace, design, dt = thesis.trace, thesis.plan.design, 0.01
     models = design_models(trace, design, control_hz=100)[1:]
@@ -206,10 +206,10 @@ def test_the_affine_term_comes_from_the_trim_deflection(design: ShortPeriod, the
 
 
 def test_the_bound_equals_the_covariance_of_the_joint_filter_without_prior(thesis: Result) -> None:
-    """Readings from the first on, no process noise, the same u: filter and bound then weigh the same information.
+    """All readings, no process noise, the same u: filter and bound use the same information.
 
-    The filter starts from the first reading and its variances, so that it has used it, and with a variance of K of 1e4. Against that of
-    the bound, 1e-2 and less where they are compared, this prior is worth 1e-6 of the variance or less; round-off is smaller.
+    The filter starts from the first reading and its variances, and with a variance of K of 1e4. The bound is at most 1e-2 where they are
+    compared, so this prior changes the variance by at most 1e-6 of its value; round-off is smaller.
     """
     trace, noise = thesis.trace, sensor_noise(thesis.plan.scenario)
     A, b = thesis.plan.design.discrete(100)
