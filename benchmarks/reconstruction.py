@@ -84,7 +84,8 @@ def nearness(runs: int, executor: Executor | None) -> None:
         " of K the median error, and the RMS error of the smoothed K, in which the transient is"
     )
     print(
-        "| flight | acting deflection, RMS | method | RMS error | smallest, at a delay of ticks | error of K | scheduled filter | window of 100 |"
+        "| flight | acting deflection, RMS | method | RMS error | smallest, at a delay of ticks | error of K | "
+        "scheduled filter | window of 100 |"
     )
     print("|---|---|---|---|---|---|---|---|")
     for name, flights in zip(cases, fly_jobs(jobs, executor=executor), strict=True):
