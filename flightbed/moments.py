@@ -1,4 +1,7 @@
-"""Running mean and standard deviation of histories over flights that are not stored."""
+"""Running mean and standard deviation of histories over flights that are not stored.
+
+The results are equal to the last bit for any distribution of the flights over workers.
+"""
 
 from __future__ import annotations
 

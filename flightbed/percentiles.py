@@ -1,6 +1,6 @@
 """Histories of the flights of a point: mean and standard deviation of all flights, percentiles of the first ``SAMPLE`` flights.
 
-The percentiles do not depend on the number of workers or on their order.
+The results are equal to the last bit for any distribution of the flights over workers.
 """
 
 from __future__ import annotations
