@@ -120,7 +120,7 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
     [
         ('[[axes]]\nkey = "condition.mach"\n', "axes.0: needs values, or from, to and count, or distribution"),
         (K.replace("count = 3", ""), "axes.0: 'from' needs count too"),
-        (MACH + "low = 1.0\n", "axes.0: low: cannot go with 'values'"),
+        (MACH + "low = 1.0\n", "axes.0: low: cannot be combined with 'values'"),
         (DRAWN.replace("high = 1.3", "high = 0.8"), "axes.0: low must be below high (got 0.9 and 0.8)"),
         (DRAWN.replace("mean = 1.0", "mean = 2.0"), "axes.0: mean must lie between low and high (got 2)"),
         (MACH + MACH, "axes: condition.mach is varied twice"),

@@ -55,7 +55,7 @@ class AxisSettings(Settings):
         if missing := [key for key in needs if key not in given]:
             raise _problem(f"{'distribution ' if self.is_drawn else ''}'{kind}' needs {' and '.join(missing)} too")
         if extra := sorted(given - set(needs) - may):
-            raise _problem(f"{', '.join(extra)}: cannot go with {'distribution ' if self.is_drawn else ''}'{kind}'")
+            raise _problem(f"{', '.join(extra)}: cannot be combined with {'distribution ' if self.is_drawn else ''}'{kind}'")
         if self.low is not None and self.high is not None and self.low >= self.high:
             raise _problem(f"low must be below high (got {self.low:g} and {self.high:g})")
         if self.distribution == "normal" and self.mean is not None:
@@ -78,7 +78,7 @@ class Criterion(Settings):
         if self.equals is None and self.min is None and self.max is None:
             raise _problem("needs equals, min or max")
         if self.equals is not None and (self.min is not None or self.max is not None):
-            raise _problem("equals cannot go with min or max")
+            raise _problem("equals cannot be combined with min or max")
         if self.min is not None and self.max is not None and self.min > self.max:
             raise _problem(f"min must be at most max (got {self.min:g} and {self.max:g})")
         return self
