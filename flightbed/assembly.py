@@ -1,4 +1,4 @@
-"""Plan -> Flight: builds plant, sensors, command, law and estimators from what the scenario says."""
+"""Plan -> Flight: builds plant, sensors, command, law and estimators as specified by the scenario."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from flightbed.settings import Command, ModelError, Scenario
 from flightbed.signals import Health
 from flightbed.units import DEG, FT, LB
 
-_ROOM_M = 300.0  # flights that begin at sea level may go this far below it: the terrain lies lower still
+_ROOM_M = 300.0  # a flight that starts at sea level may descend this far below it: the terrain lies lower still
 
 
 def assemble(plan: Plan) -> Flight:
-    """Build all parts of one flight, on a fresh FDM; every random stream is spawned from the scenario's seed."""
+    """Build all parts of one flight on a new FDM; every random stream is spawned from the scenario's seed."""
     with watched(plan.scenario.rates.control_hz):
         return _assembled(plan)
 
@@ -51,20 +51,20 @@ def _assembled(plan: Plan) -> Flight:
     onboard = OnBoard(
         design, noise, control_hz, plan.schedule, plan.lateral, lateral_noise, aircraft.actuator, scenario.rates.delay_ticks
     )  # fmt: skip
-    onboard = _mistaken(onboard, scenario.model_error)
+    onboard = _with_model_errors(onboard, scenario.model_error)
     health = factories.failing(scenario)
     estimators = [registry.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators]
     names = names_of(scenario, estimators)
     adaptation = scenario.adaptation
     plant = _plant(plan, health(0), air_seed, process_seed)
-    pulling = _load_factor(plan, plant)
-    law = pulling or law_of(scenario, design)
+    load_factor = _load_factor(plan, plant)
+    law = load_factor or law_of(scenario, design)
     lateral = _lateral(plan, plant, names, lateral_seed) if plan.lateral else None
     divides = adaptation.enabled and adaptation.method == "divide"
     return Flight(
         plant=plant,
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
-        profile=_asked(scenario, scenario.command) if pulling is None else _no_pitch_rate(ticks),
+        profile=_profile(scenario, scenario.command) if load_factor is None else _no_pitch_rate(ticks),
         health=health,
         law=law,
         adaptation=Adaptation(
@@ -83,16 +83,17 @@ def _assembled(plan: Plan) -> Flight:
         ),
         estimators=estimators,
         alpha_trim_rad=point.alpha_rad,
+        control_hz=control_hz,
         floor_m=min(0.0, scenario.condition.altitude_ft * FT - _ROOM_M),
         delay_ticks=scenario.rates.delay_ticks,
         state_from=names.index(scenario.control.state_from) if scenario.control.state_from else None,
         redesign=None if divides or not adaptation.enabled else _redesign(scenario, law, lateral, names),
         lateral=lateral,
-        load_factor=pulling,
+        load_factor=load_factor,
     )
 
 
-def _asked(scenario: Scenario, command: Command) -> Profile:
+def _profile(scenario: Scenario, command: Command) -> Profile:
     return profile(
         registry.factory("commands", command.kind)(command),
         ticks=scenario.ticks,
@@ -102,21 +103,21 @@ def _asked(scenario: Scenario, command: Command) -> Profile:
 
 
 def _no_pitch_rate(ticks: int) -> Profile:
-    """Return the profile of a flight that is asked for no pitch rate, which is not the same as asked for none."""
+    """Return the profile of a flight without a pitch-rate command: nan, because 0 would be a command."""
     return Profile(np.full(ticks, np.nan), np.full(ticks, np.nan))
 
 
 def _load_factor(plan: Plan, plant: Plant) -> LoadFactorAxis | None:
-    """Build the law of a flight that is commanded in g; None for others."""
+    """Return the law of a flight commanded in g; None for other flights."""
     if plan.load_factor is None:
         return None
     scenario, hz = plan.scenario, plan.scenario.rates.control_hz
     assert isinstance(plant, JsbsimPlant)
-    asked = _asked(scenario, scenario.command.in_g())
+    command = _profile(scenario, scenario.command.in_g())
     return LoadFactorAxis(
         plant,
         load_factor_law_of(scenario, plan.load_factor),
-        list(zip(asked.q_cmd_rad_s.tolist(), asked.q_ref_rad_s.tolist(), strict=True)),
+        list(zip(command.q_cmd_rad_s.tolist(), command.q_ref_rad_s.tolist(), strict=True)),
         autothrottle(scenario.control.autothrottle, airspeed_m_s=plan.trim.airspeed_m_s, control_hz=hz),
     )
 
@@ -124,46 +125,48 @@ def _load_factor(plan: Plan, plant: Plant) -> LoadFactorAxis | None:
 def _redesign(scenario: Scenario, law: Law, lateral: LateralAxes | None, names: Sequence[str]) -> Redesign:
     assert isinstance(law, RedesignedPitch)
     estimator = scenario.adaptation.estimator
-    both = [f"{estimator}.{surface}" for surface in ("aileron", "rudder")]
-    told = lateral is not None and all(name in names for name in both)
+    lateral_names = [f"{estimator}.{surface}" for surface in ("aileron", "rudder")]
+    estimated = lateral is not None and all(name in names for name in lateral_names)
     return Redesign(
         (law, names.index(estimator)),
-        (lateral.law, (names.index(both[0]), names.index(both[1]))) if lateral is not None and told else None,
+        (lateral.law, (names.index(lateral_names[0]), names.index(lateral_names[1])))
+        if lateral is not None and estimated
+        else None,
         scenario.adaptation.floor,
     )
 
 
 def names_of(scenario: Scenario, estimators: Sequence[Estimator | SurfacesEstimator]) -> list[str]:
-    """Return what the estimates of a flight are called, in their order."""
+    """Return the names of a flight's estimates, in order."""
     pairs = zip(scenario.estimators, estimators, strict=True)
     return [name for settings, estimator in pairs for name in estimate_names(settings.name, estimator)]
 
 
 def _lateral(plan: Plan, plant: Plant, names: Sequence[str], seed: np.random.SeedSequence) -> LateralAxes:
-    """Build roll and yaw: a surface is corrected by the estimate NAME.SURFACE of the estimator that adapts, if it has one."""
+    """Return roll and yaw control; the estimate NAME.SURFACE of the correcting estimator NAME, if any, corrects each surface."""
     scenario, aircraft, settings = plan.scenario, plan.aircraft, plan.scenario.lateral
     assert isinstance(plant, JsbsimPlant)
     assert isinstance(aircraft, Aircraft)
     assert plan.lateral is not None
     hz, ticks = scenario.rates.control_hz, scenario.ticks
     roll, sideslip = (
-        _asked(scenario, command) for command in (settings.roll.as_command(), settings.sideslip.as_command())
+        _profile(scenario, command) for command in (settings.roll.as_command(), settings.sideslip.as_command())
     )
     weights = RollYawWeights(*(getattr(settings, key) * DEG for key in _WEIGHTS))
-    asked = scenario.adaptation
+    adaptation = scenario.adaptation
     corrections = []
     for surface in ("aileron", "rudder"):
-        name, actuator = f"{asked.estimator}.{surface}", aircraft.lateral[surface]
+        name, actuator = f"{adaptation.estimator}.{surface}", aircraft.lateral[surface]
         corrections.append(
             Adaptation(
-                enabled=asked.enabled and asked.method == "divide" and (asked.oracle or name in names),
+                enabled=adaptation.enabled and adaptation.method == "divide" and (adaptation.oracle or name in names),
                 estimator=names.index(name) if name in names else 0,
-                floor=asked.floor,
-                feedback=asked.feedback,
+                floor=adaptation.floor,
+                feedback=adaptation.feedback,
                 min_rad=actuator.min_rad,
                 max_rad=actuator.max_rad,
-                caution=asked.caution,
-                oracle=asked.enabled and asked.oracle,
+                caution=adaptation.caution,
+                oracle=adaptation.enabled and adaptation.oracle,
             )
         )
     references = zip(roll.q_cmd_rad_s, roll.q_ref_rad_s, sideslip.q_cmd_rad_s, sideslip.q_ref_rad_s, strict=True)
@@ -172,7 +175,9 @@ def _lateral(plan: Plan, plant: Plant, names: Sequence[str], seed: np.random.See
         LateralSensors(_lateral_noise(scenario), ticks=ticks, seed=seed),
         [(float(a), float(b), float(c), float(d)) for a, b, c, d in references],
         RollYaw(plan.lateral, weights, control_hz=hz),
-        *corrections,
+        aileron=corrections[0],
+        rudder=corrections[1],
+        control_hz=hz,
     )
 
 
@@ -242,8 +247,8 @@ def sensor_noise(scenario: Scenario) -> SensorNoise:
     )
 
 
-def _mistaken(onboard: OnBoard, error: ModelError) -> OnBoard:
-    """Return what is on board with the scenario's errors in the pitching moment."""
+def _with_model_errors(onboard: OnBoard, error: ModelError) -> OnBoard:
+    """Return the on-board models with the scenario's errors in the pitching moment."""
     design, schedule = onboard.design, onboard.schedule
     if (error.cm_alpha, error.cm_q, error.cm_delta) == (1.0, 1.0, 1.0):
         return onboard

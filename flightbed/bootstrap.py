@@ -1,4 +1,4 @@
-"""Intervals by resampling, for what has no exact one: the mean, BCa; percentiles of few flights. Nothing is assumed of the distribution."""
+"""Bootstrap intervals where no exact interval exists: BCa for the mean, percentile method for percentiles; distribution-free."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ Vector = npt.NDArray[np.float64]
 Statistic = Callable[[Vector], Vector]  # (m, n) -> (m,), along the last axis
 
 RESAMPLES = 2000
-FEWEST = 10  # values of a mean, and of a percentile, with an interval: of fewer it holds what it should in less than about 85 of 100
+# Smallest number of values with an interval, of a mean and of a percentile: with fewer the coverage falls below about 85 %.
+FEWEST = 10
 FEWEST_OF_PERCENTILE = 40
-_AT_ONCE = 2_000_000  # resampled values that are held
+_AT_ONCE = 2_000_000  # resampled values in memory at a time
 
 
 def mean_interval(values: Sequence[float], seed: int, what: str) -> Interval:
     """Return the mean with its 95 % interval, bias-corrected and accelerated (Efron 1987; Efron and Tibshirani, S 14.3).
 
-    The acceleration is that of the jackknife, which for a mean is a sixth of the skewness over the root of n. Fewer than ``FEWEST``
-    values leave the interval infinite.
+    The acceleration is the jackknife's, for a mean one sixth of the skewness divided by the square root of n. With fewer than
+    ``FEWEST`` values the interval is infinite.
 
     Args:
         values: finite, at least one.
-        seed: what the resamples come from, together with ``what``.
-        what: of which the values are.
+        seed: seed of the resamples, together with ``what``.
+        what: name of the quantity.
 
     """
     from scipy.special import ndtr, ndtri  # slow to import
@@ -51,11 +52,19 @@ def mean_interval(values: Sequence[float], seed: int, what: str) -> Interval:
 
 
 def percentile_interval(values: Sequence[float], percent: float, seed: int, what: str) -> Interval:
-    """Return a percentile with its 95 % interval, between the 2.5th and the 97.5th percentile of those of the resamples (Efron 1979).
+    """Return a percentile with its 95 % interval, the 2.5th to 97.5th percentile over the resamples (Efron 1979).
 
-    BCa needs the jackknife, which fails for percentiles (Miller 1974). A resample has nothing beyond the least and the largest value, so
-    that of a few flights the interval of an extreme percentile is too short, whatever the number of resamples; ``quantile_interval`` says
-    so instead. Fewer than ``FEWEST_OF_PERCENTILE`` values leave it infinite. Arguments as of ``mean_interval``.
+    BCa needs the jackknife, which fails for percentiles (Miller 1974). A resample has no value outside the range
+    of the data, so for few flights the interval of an extreme percentile is too short, whatever the number of resamples;
+    ``quantile_interval`` gives an infinite end instead. With fewer than ``FEWEST_OF_PERCENTILE`` values the interval is infinite.
+
+    Args:
+        values: finite, at least one.
+        percent: 0 to 100.
+        seed: seed of the resamples, together with ``what``.
+        what: name of the quantity.
+
+
     """
     data = np.asarray(values, dtype=np.float64)
     estimate = float(np.percentile(data, percent))
@@ -67,7 +76,7 @@ def percentile_interval(values: Sequence[float], percent: float, seed: int, what
 
 
 def _resampled(data: Vector, statistic: Statistic, seed: int, what: str) -> Vector:
-    """Return the statistic of ``RESAMPLES`` resamples with replacement."""
+    """Return the statistic of ``RESAMPLES`` resamples with replacement, (RESAMPLES,)."""
     source = np.random.SeedSequence(seed, spawn_key=(crc32(b"bootstrap"), crc32(what.encode()), data.size))
     rng = np.random.Generator(np.random.PCG64(source))
     found = np.empty(RESAMPLES)

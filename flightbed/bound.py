@@ -1,15 +1,15 @@
-"""Trace + model -> the Cramer-Rao bound of K along the flown trajectory: what no unbiased estimator can beat.
+"""Cramer-Rao bound of K along the flown trajectory: the smallest variance of any unbiased estimator, from trace and model.
 
-For a K that is constant over a stretch of N samples the readings are z_k = H x_k(x_0, K) + v_k. With dynamics taken for certain, S_k =
+For a K that is constant over a stretch of N samples the readings are z_k = H x_k(x_0, K) + v_k. With exactly known dynamics, S_k =
 d x_k / d (x_0, K) follows S+ = A S + [0, b u], S_0 = [I, 0], and the Fisher information is the sum of S' R^-1 S. The bound on the variance
-of K is the last element of its inverse; nothing is known beforehand of x_0 or K (Van Trees, Detection, Estimation, and Modulation
-Theory I, S 2.4). Disturbances and model errors only make things worse: it is a bound for clean air and a true model.
+of K is the last element of the inverse, without prior information on x_0 or K (Van Trees, Detection, Estimation, and Modulation
+Theory I, S 2.4). Disturbances and model errors increase the variance: the bound holds for clean air and a true model.
 
-Inverting that sum loses all digits within seconds: what the first state does grows like the aircraft's unstable mode. So the covariance of
-(present state, K) is carried along instead, which is the same for K: as a square root of the information until it tells K, then as one
-of the covariance (Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, ch. II and V).
+Inverting the sum loses all digits within seconds, because the effect of x_0 grows with the aircraft's unstable mode. The module therefore
+propagates the covariance of (present state, K), which gives the same bound on K: as a square root of the information until K is
+observable, then as a square root of the covariance (Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, ch. II and V).
 
-This module sees the truth: it judges flights, and nothing on board may use it.
+This module uses the truth: it evaluates flights, and nothing on board may use it.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from flightbed.units import DEG, FT
 
 
 @compiled
-def _read(R: Array, std: Array) -> None:
-    """Take one more sample into the triangle R (3, 3) of the information R' R on (x, K): two rows, turned into it one after the other."""
+def _add_sample(R: Array, std: Array) -> None:
+    """Add a sample to the triangle R (3, 3) of the information R' R on (x, K): two rows, rotated in one after the other."""
     row = np.zeros(3)
     for read in range(2):
         row[:] = 0.0
@@ -41,8 +41,8 @@ def _read(R: Array, std: Array) -> None:
 
 
 @compiled
-def _next(R: Array, m: Array, u: float) -> None:
-    """Let the information be on the next x: x' = A^-1 (x - b u K - c), and one rotation to make R a triangle again."""
+def _propagate_information(R: Array, m: Array, u: float) -> None:
+    """Propagate the information to the next x: x' = A^-1 (x - b u K - c), and one rotation that restores the triangle."""
     det = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
     for i in range(2):
         alpha, q = R[i, 0], R[i, 1]
@@ -55,8 +55,8 @@ def _next(R: Array, m: Array, u: float) -> None:
 
 
 @compiled
-def _inverted(R: Array, S: Array) -> None:
-    """Let S be the inverse of the triangle R."""
+def _invert(R: Array, S: Array) -> None:
+    """Set S (3, 3) to the inverse of the triangle R (3, 3)."""
     S[:] = 0.0
     for i in range(3):
         S[i, i] = 1.0 / R[i, i]
@@ -66,8 +66,8 @@ def _inverted(R: Array, S: Array) -> None:
 
 
 @compiled
-def _filtered(S: Array, m: Array, u: float, std: Array) -> None:
-    """Take a period and the sample at its end into the square root S of the covariance S S' of (x, K): Potter's rule."""
+def _update_covariance(S: Array, m: Array, u: float, std: Array) -> None:
+    """Propagate the square root S (3, 3) of the covariance S S' of (x, K) over a period and add the sample at its end (Potter)."""
     for j in range(3):
         alpha, q = S[0, j], S[1, j]
         S[0, j] = m[0, 0] * alpha + m[0, 1] * q + m[0, 2] * u * S[2, j]
@@ -85,41 +85,41 @@ def _filtered(S: Array, m: Array, u: float, std: Array) -> None:
 
 @compiled
 def _bounds(models: Array, u: Array, first: Array, std: Array) -> Array:
-    """Return the bound on the standard deviation of K at every tick, from the samples ``first[k]`` to k; inf where it is not told.
+    """Return the bound on the standard deviation of K at every tick, from samples ``first[k]`` to k; inf where K is unobservable.
 
     Args:
         models: (T, 2, 4), [A | b | c] of the period that ends at each tick.
-        u: (T,) deflection over that period.
-        first: (T,) index of the first sample that counts.
-        std: (2,) standard deviations of the readings.
+        u: (T,) deflection over that period, rad.
+        first: (T,) index of the first sample used.
+        std: (2,) standard deviations of the readings, rad and rad/s.
 
     """
     T = models.shape[0]
     out = np.full(T, np.inf)
-    R, S, told = np.zeros((3, 3)), np.zeros((3, 3)), False
+    R, S, observable = np.zeros((3, 3)), np.zeros((3, 3)), False
     for k in range(T):
         begin = int(first[k])
-        if k > 0 and first[k] == first[k - 1]:  # the same stretch, one sample more
+        if k > 0 and first[k] == first[k - 1]:  # the same stretch with one additional sample
             begin = k
         else:
-            R[:], told = 0.0, False
+            R[:], observable = 0.0, False
         for j in range(begin, k + 1):
-            if told:
-                _filtered(S, models[j], u[j], std)
+            if observable:
+                _update_covariance(S, models[j], u[j], std)
                 continue
             if j > int(first[k]):
-                _next(R, models[j], u[j])
-            _read(R, std)
-            told = abs(R[2, 2]) > 1e-9 * np.sqrt(R[0, 2] ** 2 + R[1, 2] ** 2)
-            if told:
-                _inverted(R, S)
-        if told:
+                _propagate_information(R, models[j], u[j])
+            _add_sample(R, std)
+            observable = abs(R[2, 2]) > 1e-9 * np.sqrt(R[0, 2] ** 2 + R[1, 2] ** 2)
+            if observable:
+                _invert(R, S)
+        if observable:
             out[k] = np.sqrt(S[2, 0] ** 2 + S[2, 1] ** 2 + S[2, 2] ** 2)
     return out
 
 
 def schedule_models(trace: Trace, schedule: Schedule, *, control_hz: int) -> Array:
-    """Return (T, 2, 4), [A | b | c] of the period that ends at each tick, linearized along the true motion on the schedule."""
+    """Return (T, 2, 4), [A | b | c] of the period that ends at each tick: the schedule, linearized along the true motion."""
     K, u = trace["effectiveness_true"], trace["elevator_mean_meas_deg"] * DEG
     columns = ("alpha_deg", "q_deg_s", "mach", "altitude_ft", "theta_deg", "phi_deg")
     factors = (DEG, DEG, 1.0, FT, DEG, DEG)
@@ -130,27 +130,27 @@ def schedule_models(trace: Trace, schedule: Schedule, *, control_hz: int) -> Arr
 
 
 def design_models(trace: Trace, design: ShortPeriod, *, control_hz: int) -> Array:
-    """Return (T, 2, 4), [A | b | c] of the period that ends at each tick: the short period, the same at all of them."""
+    """Return (T, 2, 4), [A | b | c] of the period that ends at each tick: the short-period model, equal at all ticks."""
     discrete = design.discrete(control_hz)
     affine = -discrete.b * design.elevator_trim_rad
     return np.tile(np.column_stack([discrete.A, discrete.b, affine]), (len(trace), 1, 1))
 
 
 def bound(trace: Trace, models: Array, noise: SensorNoise, *, window: int | None = None) -> Array:
-    """Return the bound on the standard deviation of K at every tick of a flight.
+    """Return the bound on the standard deviation of K at every tick of a flight, (T,); inf where K is unobservable.
 
-    The failure's time is taken for known, and a change of K begins a new stretch (in a ramp every tick does, and two samples say next to
-    nothing).
+    The time of the failure counts as known, and a change of K begins a new stretch (in a ramp at every tick, and two samples carry almost
+    no information).
 
     Args:
         trace: the flight.
-        models: (T, 2, 4), the true motion linearized over the period that ends at each tick; without errors.
+        models: (T, 2, 4), the true motion linearized over the period that ends at each tick, without model errors.
         noise: standard deviations of the sensors.
-        window: only the last so many samples count; None for all since K last changed.
+        window: number of last samples used; None for all since the last change of K.
 
     """
     K, u, T = trace["effectiveness_true"], trace["elevator_mean_meas_deg"] * DEG, len(trace)
-    # The share that acts from tick k on moves what is read at k + 1: the reading at the change still belongs to both stretches.
+    # K from tick k on affects the reading at k + 1: the reading at the change belongs to both stretches.
     changed = np.flatnonzero(np.diff(K) != 0.0) + 1
     since = np.zeros(T)
     for at in changed.tolist():

@@ -1,4 +1,4 @@
-"""How the keys of a scenario hang together: what contradicts, and what another key leaves without effect."""
+"""Checks between the keys of a scenario: contradictions, and keys without effect under another setting."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from flightbed.signals import SURFACES
 _PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
 _BAND = _PULSES | {"low_hz", "high_hz"}
 _BINARY = {"switch_s", "register_bits", "seed"}
-_COMMAND_KEYS = _BAND | _BINARY  # all that a kind may have no use for
+_COMMAND_KEYS = _BAND | _BINARY  # keys that some kinds do not use
 _COMMAND_USES = {
     "none": set[str](),
     "constant": {"amplitude_deg_s", "start_s"},
@@ -35,7 +35,7 @@ _COMMAND_USES = {
     "random": _PULSES - {"period_s"} | _BINARY,
 }
 _FIXED_PRIOR = ("first_reading", "alpha_deg", "q_deg_s", "alpha_std_deg", "q_std_deg_s")
-# What a kind of failure needs besides its time, and what it has no use for. Kinds of installed packages may use any key.
+# Keys that each kind of failure requires besides at_s. Kinds of installed packages may use any key.
 _FAILURE_NEEDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "effectiveness": ("to",),
@@ -52,7 +52,7 @@ _FAILURE_NEEDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 _FAILURE_MAY: Mapping[str, tuple[str, ...]] = MappingProxyType({"ramp": ("over_s",)})
 _FAILURE_KEYS = ("to", "force_to", "over_s", "shift_cbar", "side", "bias_deg")
 _ELEVATOR_ONLY = ("structural", "cg-shift")
-# Of the actuator: what an overlay must name properties for.
+# Actuator failures -> suffix of the JSBSim property that an overlay must name for them.
 ACTUATOR_FAILURES: Mapping[str, str] = MappingProxyType(
     {
         "stuck": "stuck",
@@ -63,7 +63,7 @@ ACTUATOR_FAILURES: Mapping[str, str] = MappingProxyType(
     }
 )
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
-# What of the law nz-adaptive only it uses, and of flights in g only they.
+# Keys of the law nz-adaptive alone, and of flights commanded in g alone.
 _IDENTIFICATION = (
     "prior", "prior_var", "process_var", "output_var", "block_fade", "form", "precision", "patience", "gain_filter_rad_s",
     "command_filter_rad_s",
@@ -75,7 +75,7 @@ _LATERAL_DISTURBANCES = ("beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_di
 _LOOP_GAIN_ONLY = ("input", "input_at", "alarm_threshold", "follow_disturbances", "hold_std")
 _TWO_STAGE_ONLY = (*_LATERAL_DISTURBANCES, "variance_min", "variance_max", "walk_std", "false_alarm")
 _PRIOR = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
-# What a kind of estimator has no use for, whatever its other settings; kinds of installed packages may use any key.
+# Keys that a kind of estimator never uses, whatever its other settings; kinds of installed packages may use any key.
 _ESTIMATOR_IDLE: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "loop-gain": (*_TWO_STAGE_ONLY, *_PLID_ONLY, *reconstruction_keys.KEYS),
@@ -93,14 +93,14 @@ _ESTIMATOR_IDLE: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
     }
 )  # fmt: skip
-# The memories that a kind has; one that is not here has no use for the key.
+# Values of "memory" for each kind; a kind that is not listed does not use the key.
 _MEMORIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"loop-gain": ("window", "expanding", "fading"), "two-stage": ("expanding", "fading", "variable")}
 )
 
 
 def contradictions(scenario: Scenario) -> list[str]:
-    """Return what cannot be flown as it is written, one line each."""
+    """Return the contradictions between keys of a scenario, one message per line: "place: problem (got value); cure"."""
     hz, ticks = scenario.rates.control_hz, scenario.ticks
     problems = []
     if abs(scenario.duration_s * hz - ticks) > 1e-6 or ticks < 1:
@@ -138,7 +138,9 @@ def contradictions(scenario: Scenario) -> list[str]:
     problems += _load_factor_contradictions(scenario)
     problems += _options_of_built_ins(scenario)
     if control.gains is not None and control.poles is not None:
-        problems.append("control.poles: cannot go with control.gains, which are not designed; give one of them")
+        problems.append(
+            "control.poles: cannot be combined with control.gains, which replace the design; give one of them"
+        )
     if adaptation.enabled and not adaptation.oracle and adaptation.estimator not in names:
         problems.append(_no_estimator("adaptation.estimator", adaptation.estimator, names))
     return problems
@@ -148,11 +150,11 @@ def _estimator_contradictions(place: str, estimator: EstimatorSettings, *, later
     kind, memory, problems = estimator.kind, estimator.memory, []
     if kind == "loop-gain" and estimator.model == "scheduled" and estimator.input == "deviation":
         problems.append(
-            f"{place}.input: must be 'absolute' with model = 'scheduled', which knows no trim (got 'deviation')"
+            f"{place}.input: must be 'absolute' with model = 'scheduled', which has no trim point (got 'deviation')"
         )
     if memory not in (known := _MEMORIES.get(kind, (memory,))):
-        words = f"{', '.join(map(repr, known[:-1]))} or {known[-1]!r}"
-        problems.append(f"{place}.memory: must be {words} with kind = '{kind}' (got '{memory}')")
+        choice = f"{', '.join(map(repr, known[:-1]))} or {known[-1]!r}"
+        problems.append(f"{place}.memory: must be {choice} with kind = '{kind}' (got '{memory}')")
     if kind == "two-stage" and memory == "variable" and not estimator.variance_min < estimator.variance_max:
         problems.append(
             f"{place}.variance_min: must be below variance_max = {estimator.variance_max:g} (got {estimator.variance_min:g})"
@@ -175,7 +177,7 @@ def _surface_contradictions(scenario: Scenario) -> list[str]:
             )
         elif not scenario.lateral.enabled:
             problems.append(
-                f"failures.{i}.surface: aileron and rudder are the stock laws' (got '{failure.surface}'); set lateral.enabled to true"
+                f"failures.{i}.surface: the stock laws control aileron and rudder (got '{failure.surface}'); set lateral.enabled to true"
             )
     return problems
 
@@ -186,17 +188,17 @@ def _redesign_contradictions(scenario: Scenario) -> list[str]:
         return []
     if scenario.control.law != "lq":
         problems.append(
-            f"control.law: must be 'lq' with adaptation.method = 'redesign', which designs it anew (got '{scenario.control.law}')"
+            f"control.law: must be 'lq' with adaptation.method = 'redesign', which redesigns it (got '{scenario.control.law}')"
         )
     if adaptation.oracle:
         problems.append(
-            "adaptation.oracle: cannot go with method = 'redesign', which waits for an estimator's alarm; set one of them"
+            "adaptation.oracle: cannot be combined with method = 'redesign', which waits for an estimator's alarm; set one of them"
         )
     elif adaptation.estimator in [e.name for e in scenario.estimators] and adaptation.estimator not in detectors(
         scenario
     ):
         problems.append(
-            f"adaptation.estimator: must raise alarms with method = 'redesign' (got '{adaptation.estimator}', which has no such test)"
+            f"adaptation.estimator: must raise alarms with method = 'redesign' (got '{adaptation.estimator}', which has no alarm test)"
         )
     return problems
 
@@ -237,14 +239,14 @@ def _options_of_built_ins(scenario: Scenario) -> list[str]:
         *((f"estimators.{i}", "estimators", "kind", e.kind, e.options) for i, e in enumerate(scenario.estimators)),
     ]
     return [
-        f"{place}.options: {what} '{name}' takes none (got {', '.join(options)}); only code outside flightbed has options"
-        for place, family, what, name, options in tables
+        f"{place}.options: {key} '{name}' takes no options (got {', '.join(options)}); only external code has them"
+        for place, family, key, name, options in tables
         if options and registry.is_built_in(family, name)
     ]
 
 
 def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
-    return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; there is: {', '.join(names) or 'none'}"
+    return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; known: {', '.join(names) or 'none'}"
 
 
 def _command_contradictions(
@@ -256,7 +258,9 @@ def _command_contradictions(
         key, parts = shortest[kind]
         value: float = getattr(command, key)
         if value * hz < parts - 1e-6:
-            return [f"{place}.{key}: must be at least {parts / hz:g}, so that a pulse lasts a tick (got {value:g})"]
+            return [
+                f"{place}.{key}: must be at least {parts / hz:g}, so that each pulse lasts at least one tick (got {value:g})"
+            ]
     if kind not in ("chirp", "multisine", "dither"):
         return []
     problems = []
@@ -273,14 +277,14 @@ def _command_contradictions(
         if not 1 <= found <= MOST_HARMONICS:
             cure = "widen the band or lengthen the period" if found == 0 else "narrow the band or shorten the period"
             problems.append(
-                f"{place}.period_s: from low_hz to high_hz there must be 1 to {MOST_HARMONICS} multiples of 1/period_s, "
-                f"{cure} (got {found})"
+                f"{place}.period_s: the band from low_hz to high_hz must hold 1 to {MOST_HARMONICS} multiples of 1/period_s "
+                f"(got {found}); {cure}"
             )
     return problems
 
 
 def idle_keys(scenario: Scenario) -> dict[str, str]:
-    """Return key -> the setting that leaves it without effect."""
+    """Return key without effect -> setting that disables it."""
     lateral, adaptation = scenario.lateral, scenario.adaptation
     keys = _idle_in_command("command", scenario.command)
     if lateral.enabled:
@@ -308,7 +312,7 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
     if scenario.control.law == "lq":
         keys |= {f"control.{key}": "control.law = 'lq'" for key in ("poles", "gains", "integral_pole_rad_s")}
     for i, failure in enumerate(scenario.failures):
-        if failure.kind not in _FAILURE_NEEDS:  # other packages' may use any key
+        if failure.kind not in _FAILURE_NEEDS:  # a kind of another package may use any key
             continue
         used = (*_FAILURE_NEEDS[failure.kind], *_FAILURE_MAY.get(failure.kind, ()))
         useless = [key for key in _FAILURE_KEYS if key not in used]
@@ -342,7 +346,7 @@ def _idle_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: boo
 
 
 def _idle_in_g(scenario: Scenario) -> dict[str, str]:
-    """Return what a flight that is commanded in g has no use for, or one that is not."""
+    """Return the idle keys that depend on whether the flight is commanded in g -> setting that disables them."""
     law, why = scenario.control.law, f"control.law = '{scenario.control.law}'"
     identification = {f"control.identification.{key}" for key in _IDENTIFICATION}
     idle: set[str] = set()
@@ -376,7 +380,7 @@ def _idle_in_command(place: str, command: Command | RollCommand | SideslipComman
 
 
 def estimates(scenario: Scenario) -> tuple[str, ...]:
-    """Return what the estimates of a flight are called, in their order (``naming.py``)."""
+    """Return the names of a flight's estimates, in order (``naming.py``)."""
     return tuple(name for e in scenario.estimators for name in _estimates_of(e, lateral=scenario.lateral.enabled))
 
 
@@ -386,7 +390,7 @@ def _estimates_of(estimator: EstimatorSettings, *, lateral: bool) -> list[str]:
 
 
 def detectors(scenario: Scenario) -> tuple[str, ...]:
-    """Return the names of the estimates that are tested for a change; of code outside flightbed nobody knows, until it raises an alarm."""
+    """Return the names of the estimates with a change test; external estimators are not listed, their alarms are known only in flight."""
     return tuple(
         name
         for e in scenario.estimators

@@ -63,11 +63,9 @@ def effectiveness(axes: list[Axes], result: Result) -> str:
         m = result.metrics.estimators[name]
         inside = np.mean(np.abs(raw - truth) <= 2.0 * std)
         after = number(m.median_abs_error_post, ".2g")
-        error = (
-            "" if m.median_abs_error_post is None else f"median |K-hat - K| {after} from 0.3 s after the failure, "
-        )
+        error = "" if m.median_abs_error_post is None else f"median |K-hat - K| {after} from 0.3 s after the failure, "
         words.append(
-            f"'{name}' ends at {number(m['final'], '.3f')} (truth {truth[-1]:.3f}), {error}truth within +-2 sigma in "
+            f"'{name}' ends at {number(m.final, '.3f')} (truth {truth[-1]:.3f}), {error}truth within +-2 sigma in "
             f"{inside:.0%} of the ticks."
         )
     return " ".join(words)

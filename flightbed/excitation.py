@@ -1,4 +1,4 @@
-"""How much the elevator does that an estimator could tell K from."""
+"""Excitation: pitch acceleration by elevator motion, the information about K in a flight."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ WINDOW_S = 0.3  # the thesis's window
 def with_excitation(trace: Trace, *, m_delta: float, control_hz: int) -> Trace:
     """Return the trace with a column ``excitation_deg_s2``: |M_delta| times the RMS of the measured deflection.
 
-    The RMS is over the last 0.3 s, of the mean deflection over each tick. This is the pitch acceleration by which K shows: a window of
-    N ticks with nothing but K unknown leaves sigma of K about sigma_q / (excitation x time x sqrt(N/3)).
+    The RMS is over the last 0.3 s, of the mean deflection over each tick. This pitch acceleration makes K observable: in a window of N
+    ticks with K as the only unknown, sigma of K is about sigma_q / (excitation x time x sqrt(N/3)).
 
     Args:
         trace: the flight.
-        m_delta: pitch acceleration per deflection of the whole elevator at the trim point, 1/s^2.
+        m_delta: pitch acceleration per deflection of the undamaged elevator at the trim point, 1/s^2.
         control_hz: ticks per second.
 
     """
@@ -27,7 +27,7 @@ def with_excitation(trace: Trace, *, m_delta: float, control_hz: int) -> Trace:
 
 
 def excitation_deg_s2(deflection_deg: Vector, *, m_delta: float, control_hz: int) -> Vector:
-    """Return the values of that column; the first ticks have what there is of a window."""
+    """Return |m_delta| times the RMS deflection over the last 0.3 s, deg/s^2, (ticks,); the window is shorter at the first ticks."""
     window = max(1, round(WINDOW_S * control_hz))
     total = np.concatenate([[0.0], np.cumsum(np.square(deflection_deg))])
     end = np.arange(1, len(total))

@@ -1,7 +1,7 @@
-"""Code of the user's own: what is permitted by name is loaded, and may be flown for as long as it is permitted.
+"""External code: loaded by name with the user's permission, and usable in flights while the permission lasts.
 
-A scenario alone imports nothing. It may name ``module:Attribute`` or ``path/to/file.py:Attribute``, and flies only where that very
-name was permitted: ``flightbed run --use NAME``, or ``with flightbed.using(NAME):``. See docs/extending.md.
+A scenario alone imports nothing. It may name ``module:Attribute`` or ``path/to/file.py:Attribute``, and flies only if exactly this name
+is permitted: ``flightbed run --use NAME``, or ``with flightbed.using(NAME):``. See docs/extending.md.
 """
 
 from __future__ import annotations
@@ -22,24 +22,27 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from flightbed import registry
-from flightbed.blame import in_constructor, line_of, place_of
+from flightbed.blame import constructor_message, line_of, location
 from flightbed.errors import ExtensionError, FlightbedError, InputError, did_you_mean
 
 if TYPE_CHECKING:
     from flightbed.settings import Scenario
 
-_MAKES = {"estimators": "update", "laws": "demand"}  # the method of what a factory makes; of the others, a call
+_METHODS = {
+    "estimators": "update",
+    "laws": "demand",
+}  # method of a factory's product; the products of other families are functions
 
 
 @dataclass(frozen=True)
 class Extension:
-    """Permitted code.
+    """Permitted external code.
 
     Attributes:
-        name: how scenarios name it.
-        factory: makes what flies, with the arguments of the built-in factories of its family.
-        sha256: of its source file as it was loaded; None where there is no file, as in a notebook.
-        files: source files in which its frames are found.
+        name: its name in scenarios.
+        factory: builds an estimator, law, failure or command from the arguments of the built-in factories of its family.
+        sha256: hash of its source file at loading; None without a file, as in a notebook.
+        files: source files of its traceback frames.
 
     """
 
@@ -49,7 +52,7 @@ class Extension:
     files: frozenset[str]
 
     def maker(self, family: str) -> Callable[..., Any]:
-        """Return the factory, with errors that tell the user's own file and line. What it makes is looked at, too."""
+        """Return the factory for a family; it checks the product, and its errors name the user's file and line."""
 
         def make(*arguments: Any) -> Any:
             try:
@@ -57,19 +60,19 @@ class Extension:
             except FlightbedError:
                 raise
             except Exception as error:
-                raise ExtensionError(in_constructor(error, self)) from error
-            method = _MAKES.get(family, "__call__")
+                raise ExtensionError(constructor_message(error, self)) from error
+            method = _METHODS.get(family, "__call__")
             if not callable(getattr(made, method, None)):
-                needs = "cannot be called" if method == "__call__" else f"has no method {method}()"
+                needs = "is not callable" if method == "__call__" else f"has no method {method}()"
                 raise ExtensionError(
-                    f"own code {self.name}: makes a {type(made).__name__}, which {needs}; docs/extending.md shows what flies"
+                    f"own code {self.name}: returns a {type(made).__name__}, which {needs}; docs/extending.md shows the interface"
                 )
             return made
 
         return make
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel without the code: by name, or, without one, by reference to where it can be imported from."""
+        """Pickle without the code: by name, or, for an object given in Python, by its import location."""
         if ":" in self.name:
             return Packed, (self.name, None, self.sha256)
         try:
@@ -83,24 +86,26 @@ class Extension:
 
 @dataclass(frozen=True)
 class Packed:
-    """An Extension on its way to another process; loaded there, when it is asked for."""
+    """Pickled form of an Extension for another process, where ``unpack`` loads the code."""
 
     name: str
     pickled: bytes | None
     sha256: str | None
 
     def unpack(self) -> Extension:
-        """Load the code. Raises ExtensionError, also if its file is not what it was where it was packed."""
+        """Load the code. Raises ExtensionError if it cannot be loaded, or if its file has changed since it was packed."""
         found = self._found()
         if found.sha256 != self.sha256:
-            raise ExtensionError(f"own code {self.name}: its file has changed since the flights began; begin again")
+            raise ExtensionError(
+                f"own code {self.name}: its file has changed since the flights began; start the flights again"
+            )
         return found
 
     def _found(self) -> Extension:
         if self.pickled is None:
             return load(self.name)
         try:
-            return _at_hand(self.name, pickle.loads(self.pickled))
+            return _from_object(self.name, pickle.loads(self.pickled))
         except Exception as error:
             raise ExtensionError(
                 f"own code {self.name}: cannot be found in the other process ({line_of(error)}); put it in a file and name it "
@@ -110,16 +115,16 @@ class Packed:
 
 @contextmanager
 def using(*own: str | Mapping[str, Callable[..., Any]]) -> Iterator[None]:
-    """Permit code outside flightbed for as long as it lasts, in this thread: scenarios may name it, and fly it.
+    """Permit external code inside the ``with`` block, in this thread: scenarios may name it and fly it.
 
     Args:
-        own: names, ``"module:Attribute"`` or ``"path/to/file.py:Attribute"``, looked for in the working directory as well; or
-            mappings ``{"mine": MyFilter}`` of names to classes or functions at hand. Each is a factory with the arguments of the
+        own: names, ``"module:Attribute"`` or ``"path/to/file.py:Attribute"``, also searched in the working directory; or
+            mappings ``{"mine": MyFilter}`` from names to classes or functions. Each is a factory with the arguments of the
             built-in ones: an estimator gets ``(settings, onboard)``, a law ``(settings, design, control_hz)``, a failure
             ``(settings, before, control_hz)``, a command ``(settings)``.
 
     Raises:
-        ExtensionError: a name cannot be imported, or is nothing that can be called, or shadows a built-in name.
+        ExtensionError: a name cannot be imported, is not callable, or is the name of a built-in or installed factory.
 
     """
     found = dict(registry.in_use())
@@ -128,7 +133,7 @@ def using(*own: str | Mapping[str, Callable[..., Any]]) -> Iterator[None]:
             raise ExtensionError(
                 f'flightbed.using: takes names, "my_filter:MyFilter", or mappings, {{"mine": MyFilter}} (got {item!r})'
             )
-        for extension in [load(item)] if isinstance(item, str) else [_at_hand(n, f) for n, f in item.items()]:
+        for extension in [load(item)] if isinstance(item, str) else [_from_object(n, f) for n, f in item.items()]:
             found[extension.name] = extension
     with registry.permitted(found):
         yield
@@ -136,7 +141,7 @@ def using(*own: str | Mapping[str, Callable[..., Any]]) -> Iterator[None]:
 
 @contextmanager
 def carried(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
-    """Permit what has come along with a job, perhaps from another process."""
+    """Permit the extensions of a job inside the ``with`` block; those packed by another process are loaded first."""
     loaded = [e.unpack() if isinstance(e, Packed) else e for e in extensions]
     with registry.permitted({**registry.in_use(), **{e.name: e for e in loaded}}):
         yield
@@ -153,16 +158,16 @@ def at_hand(names: Iterable[str]) -> list[str]:
 
 
 def named_by(scenario: Scenario) -> tuple[Extension, ...]:
-    """Return the permitted code that a scenario names, each once."""
-    turning = (scenario.lateral.roll.kind, scenario.lateral.sideslip.kind) if scenario.lateral.enabled else ()
-    kinds = (scenario.command.kind, *turning, *(f.kind for f in scenario.failures), scenario.control.law)
+    """Return the permitted external code named by a scenario, without duplicates."""
+    lateral = (scenario.lateral.roll.kind, scenario.lateral.sideslip.kind) if scenario.lateral.enabled else ()
+    kinds = (scenario.command.kind, *lateral, *(f.kind for f in scenario.failures), scenario.control.law)
     own = registry.in_use()
     found = (own.get(kind) for kind in dict.fromkeys((*kinds, *(e.kind for e in scenario.estimators))))
     return tuple(extension for extension in found if isinstance(extension, Extension))
 
 
 def check_named(scenario: Scenario, names: Sequence[str]) -> None:
-    """Refuse a ``--use`` that the scenario has no use for. Raises InputError."""
+    """Check that the scenario names every ``--use``. Raises InputError."""
     named = [extension.name for extension in named_by(scenario)]
     for name in names:
         if name not in named:
@@ -173,7 +178,7 @@ def check_named(scenario: Scenario, names: Sequence[str]) -> None:
 
 
 def load(name: str) -> Extension:
-    """Import what ``module:Attribute`` or ``path/to/file.py:Attribute`` names. Raises ExtensionError."""
+    """Import the object named ``module:Attribute`` or ``path/to/file.py:Attribute``. Raises ExtensionError."""
     place, colon, attribute = name.rpartition(":")
     if not colon or not place or not attribute:
         raise ExtensionError(
@@ -192,14 +197,14 @@ def load(name: str) -> Extension:
         found = getattr(found, part)
     if not callable(found):
         raise ExtensionError(
-            f"own code {name}: is a {type(found).__name__}, which cannot be called; name a class or a function"
+            f"own code {name}: is a {type(found).__name__}, which is not callable; name a class or a function"
         )
     sha256 = None if source is None else hashlib.sha256(source).hexdigest()
     return Extension(name, found, sha256, _files(found) | {str(getattr(module, "__file__", ""))})
 
 
-def _at_hand(name: str, factory: Callable[..., Any]) -> Extension:
-    """Take a class or function as it is."""
+def _from_object(name: str, factory: Callable[..., Any]) -> Extension:
+    """Return the Extension of a class or function given in Python. Raises ExtensionError."""
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
         raise ExtensionError(
             f"own code {name!r}: a name must be letters, digits, - and _, and start with a letter or digit"
@@ -209,7 +214,7 @@ def _at_hand(name: str, factory: Callable[..., Any]) -> Extension:
             raise ExtensionError(f"own code {name}: is the name of one of flightbed's {family}; choose another")
     if not callable(factory):
         raise ExtensionError(
-            f"own code {name}: is a {type(factory).__name__}, which cannot be called; give a class or a function"
+            f"own code {name}: is a {type(factory).__name__}, which is not callable; give a class or a function"
         )
     try:
         source = _read(inspect.getsourcefile(_subject(factory)))
@@ -220,7 +225,7 @@ def _at_hand(name: str, factory: Callable[..., Any]) -> Extension:
 
 
 def _from_file(name: str, path: Path) -> tuple[ModuleType, bytes]:
-    """Run a file as a module of its own, unless this very text was run before."""
+    """Execute a file as a module, unless the same path and text were executed before."""
     try:
         source = path.read_bytes()
     except OSError as error:
@@ -243,7 +248,7 @@ def _from_file(name: str, path: Path) -> tuple[ModuleType, bytes]:
 
 
 def _from_module(name: str, place: str) -> ModuleType:
-    importlib.invalidate_caches()  # the file may be younger than the last look into its folder
+    importlib.invalidate_caches()  # the file may be newer than the cached listing of its folder
     try:
         with _importing(name, str(Path.cwd())):
             return importlib.import_module(place)
@@ -251,7 +256,7 @@ def _from_module(name: str, place: str) -> ModuleType:
         cause = error.__cause__
         if isinstance(cause, ModuleNotFoundError) and cause.name and f"{place}.".startswith(f"{cause.name}."):
             raise ExtensionError(
-                f"own code {name}: there is no module '{cause.name}', neither installed nor in the working directory; check the "
+                f"own code {name}: module '{cause.name}' is neither installed nor in the working directory; check the "
                 "name, or give the file, as in path/to/my_filter.py:MyFilter"
             ) from cause
         raise
@@ -259,13 +264,13 @@ def _from_module(name: str, place: str) -> ModuleType:
 
 @contextmanager
 def _importing(name: str, *folders: str) -> Iterator[None]:
-    """Look in these folders too, after all others; leave sys.path as it was; tell what fails."""
+    """Import with these folders at the end of sys.path; restore sys.path; raise ExtensionError for an import that fails."""
     before = list(sys.path)
     sys.path.extend(folders)
     try:
         yield
     except (Exception, SystemExit) as error:
-        raise ExtensionError(f"own code {name}: cannot be imported: {place_of(error)}{line_of(error)}") from error
+        raise ExtensionError(f"own code {name}: cannot be imported: {location(error)}{line_of(error)}") from error
     finally:
         sys.path[:] = before
 
@@ -276,14 +281,14 @@ def _no_attribute(name: str, module: ModuleType, part: str, known: Sequence[str]
     beside = Path(place.replace(".", "/") + ".py")
     if beside.is_file() and beside.resolve() != Path(file).resolve():
         return (
-            f"own code {name}: the module '{place}' that is found first ({file}) has no '{part}'; if you mean the file here, name it "
-            f"{beside}:{attribute}"
+            f"own code {name}: module '{place}' was imported from {file}, which has no '{part}'; to use the file in the working "
+            f"directory, name it {beside}:{attribute}"
         )
     return f"own code {name}: {file} has no '{part}'{did_you_mean(part, known) or '; check the name'}"
 
 
 def _subject(factory: Any) -> Any:
-    """Return the class or function behind a factory."""
+    """Return the class or function behind a factory: partials and decorators removed, an instance replaced by its class."""
     while isinstance(factory, partial):
         factory = factory.func
     factory = inspect.unwrap(factory)

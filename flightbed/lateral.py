@@ -1,4 +1,4 @@
-"""Roll and yaw of a flight whose aileron and rudder are commanded: sensed, decided and steered beside the pitch axis."""
+"""Roll and yaw axes of a flight with commanded aileron and rudder: sensing and control laws beside the pitch axis."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from flightbed.signals import Estimate, Health, LateralSample
 
 @dataclass(frozen=True)
 class LateralAxes:
-    """All parts of roll and yaw, ready to fly once.
+    """All parts of the roll and yaw axes, ready for one flight.
 
     Attributes:
         plant: the flight's plant.
-        sensors: of roll and yaw.
-        references: of each tick p_cmd, p_ref, rad/s, beta_cmd, beta_ref, rad.
-        law: what is wanted of aileron and rudder.
-        aileron, rudder: correction of each surface; ``estimator`` is the index of its own estimate.
+        sensors: sensors of roll and yaw.
+        references: per tick p_cmd, p_ref, rad/s, beta_cmd, beta_ref, rad.
+        law: demands on aileron and rudder.
+        aileron, rudder: correction of each surface; ``estimator`` is the index of the surface's estimate.
+        control_hz: control rate, Hz.
 
     """
 
@@ -33,26 +34,30 @@ class LateralAxes:
     law: RollYaw
     aileron: Adaptation
     rudder: Adaptation
+    control_hz: int
 
     def sense(self, tick: int, health: Health) -> LateralSample:
-        """Return truth and readings at a tick; nothing is commanded yet."""
+        """Return references, truth and readings at a tick, without commands."""
         truth = self.plant.sense_lateral(health)
         return LateralSample(*self.references[tick], truth, self.sensors.read(tick, truth))
 
     def decide(self, sample: LateralSample, estimates: Sequence[Estimate], tick: int) -> LateralSample:
-        """Return the sample with the commands to aileron and rudder.
+        """Return the sample with the commands to aileron and rudder, rad.
 
-        Raises EstimateError for a smoothed K that is no number.
+        Raises:
+            EstimateError: the smoothed K of a corrected surface is not finite.
+
         """
-        read, truth = sample.measurement, sample.truth
-        aileron_share = _believed(self.aileron, estimates, truth.aileron_effectiveness, tick)
-        rudder_share = _believed(self.rudder, estimates, truth.rudder_effectiveness, tick)
+        measurement, truth = sample.measurement, sample.truth
+        t_s = tick / self.control_hz
+        aileron_share = _effectiveness_used(self.aileron, estimates, truth.aileron_effectiveness, t_s)
+        rudder_share = _effectiveness_used(self.rudder, estimates, truth.rudder_effectiveness, t_s)
         aileron, rudder = self.law.demand(
-            read,
+            measurement,
             p_ref_rad_s=sample.p_ref_rad_s,
             beta_ref_rad=sample.beta_ref_rad,
-            aileron_rad=self.aileron.position_feedback(read.aileron_rad, aileron_share),
-            rudder_rad=self.rudder.position_feedback(read.rudder_rad, rudder_share),
+            aileron_rad=self.aileron.position_feedback(measurement.aileron_rad, aileron_share),
+            rudder_rad=self.rudder.position_feedback(measurement.rudder_rad, rudder_share),
         )
         return sample._replace(
             aileron_cmd_rad=self.aileron.command(aileron, aileron_share),
@@ -60,7 +65,7 @@ class LateralAxes:
         )
 
 
-def _believed(adaptation: Adaptation, estimates: Sequence[Estimate], true_share: float, tick: int) -> float:
+def _effectiveness_used(adaptation: Adaptation, estimates: Sequence[Estimate], true_share: float, t_s: float) -> float:
     if not adaptation.enabled:
         return 1.0
     if adaptation.oracle:
@@ -68,7 +73,7 @@ def _believed(adaptation: Adaptation, estimates: Sequence[Estimate], true_share:
     estimate = estimates[adaptation.estimator]
     if not isfinite(estimate.effectiveness_smoothed):
         raise EstimateError(
-            f"estimators: the smoothed K of a surface is {estimate.effectiveness_smoothed} at tick {tick}; "
-            "the law cannot be corrected by that"
+            f"estimators: smoothed K of aileron or rudder is {estimate.effectiveness_smoothed} at t = {t_s:g} s; "
+            "the correction 1/K needs a finite K"
         )
     return adaptation.believed(estimate.effectiveness_smoothed, estimate.effectiveness_std)

@@ -1,4 +1,4 @@
-"""A flight that is commanded in g: a law of load factor as the loop's Law, its references, and the throttle."""
+"""Pitch axis of a flight commanded in g: a load-factor law in the form of the loop's Law, its references, and the throttle."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from flightbed.signals import LoadFactorSample, Measurement
 
 
 class LoadFactorAxis:
-    """All parts of it, ready to fly once; a Law, which is asked once a tick, in order.
+    """All parts of the axis, ready for one flight; a Law whose ``demand`` is called once per tick, in order.
 
     Args:
         plant: the flight's plant.
-        law: what is wanted of the elevator.
-        references: of each tick command and reference of a_n, g, up positive.
-        autothrottle: None leaves the throttle where the trim had it.
+        law: demand on the elevator.
+        references: per tick command and reference of the increment a_n, g, up positive.
+        autothrottle: None keeps the throttle at its trim setting.
 
     Attributes:
-        told: the sample of the tick that was last asked for.
+        sample: the load-factor sample of the latest tick.
 
     """
 
@@ -35,19 +35,19 @@ class LoadFactorAxis:
         self.law = law
         self._plant, self._references, self._autothrottle = plant, references, autothrottle
         self._tick = 0
-        self.told = LoadFactorSample(nan, nan)
+        self.sample = LoadFactorSample(nan, nan)
 
     def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:  # noqa: ARG002
-        """Return the deflection that should act, rad; the reference is in g and the axis's own."""
+        """Return the elevator deflection that should act, rad; the reference is the axis's own, in g."""
         command, reference = self._references[self._tick]
         demand = self.law.demand(measurement, increment_ref_g=reference, hold=hold)
         auto, level = self._autothrottle, level_g(measurement)
         throttle = nan if auto is None else auto.throttle(measurement, self._tick)
-        self.told = LoadFactorSample(command + level, reference + level, throttle, *self.law.model)
+        self.sample = LoadFactorSample(command + level, reference + level, throttle, *self.law.model)
         self._tick += 1
         return demand
 
     def power(self) -> None:
-        """Command the engine for the period to come, as of the tick that was last asked for."""
-        if not isnan(self.told.throttle_norm):
-            self._plant.throttle(self.told.throttle_norm)
+        """Set the throttle for the next control period, as decided at the latest tick."""
+        if not isnan(self.sample.throttle_norm):
+            self._plant.throttle(self.sample.throttle_norm)

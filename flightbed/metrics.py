@@ -38,7 +38,7 @@ class EstimatorMetrics:
         rms_error_smoothed_post: RMS error of the smoothed K-hat after the failure.
         std_pre: standard deviation of K-hat before the failure.
         first_within_20pct_s: first entry of K-hat into +-20 % of the true K.
-        first_within_20pct_smoothed_s: the same of the smoothed K-hat.
+        first_within_20pct_smoothed_s: the same for the smoothed K-hat.
         nis_mean: mean normalized innovation squared, over the ticks that have one.
         nis_expected: its expectation under the estimator's own model, the number of readings that it predicts; None if not declared.
         detected_at_s: time from the failure to the first alarm; None also for estimators without a test.
@@ -137,16 +137,16 @@ def measure(
     if "beta_deg" in trace.columns:
         departed = departed or not abs(trace["beta_deg"][-1]) <= limit_deg
     error = trace["q_deg_s"] - trace["q_ref_deg_s"]
-    beside: dict[str, float | None] = {}
+    other_axes: dict[str, float | None] = {}
     for axis, unit in (("p", "deg_s"), ("beta", "deg"), ("nz", "g")):
         if f"{axis}_ref_{unit}" in trace.columns:
             off = trace[f"{axis}_{unit}"] - trace[f"{axis}_ref_{unit}"]
-            beside |= {
+            other_axes |= {
                 f"tracking_rms_pre_{axis}_{unit}": _rms(off[pre]),
                 f"tracking_rms_post_{axis}_{unit}": _rms(off[post]),
             }
     if "nz_cmd_g" in trace.columns and len(trace) > 1:
-        beside |= _pull_up(trace)
+        other_axes |= _pull_up(trace)
     return Metrics(
         departed=departed,
         departed_at_s=float(trace["t_s"][-1]) if departed else None,
@@ -159,7 +159,7 @@ def measure(
             )
             for name in trace.estimators
         },
-        **beside,
+        **other_axes,
     )
 
 
@@ -167,8 +167,8 @@ def _pull_up(trace: Trace) -> dict[str, float | None]:
     hz = round(1.0 / float(trace["t_s"][1] - trace["t_s"][0]))
     if first_pulse(command_g(trace.columns), control_hz=hz) is None:
         return {}
-    pulled = pull_up(trace.columns, control_hz=hz, ticks=len(trace))
-    found = {key: float(getattr(pulled, key.removeprefix("pull_up_"))) for key in PULL_UP_METRICS}
+    measured = pull_up(trace.columns, control_hz=hz, ticks=len(trace))
+    found = {key: float(getattr(measured, key.removeprefix("pull_up_"))) for key in PULL_UP_METRICS}
     return {key: value if isfinite(value) else None for key, value in found.items()}
 
 
@@ -258,7 +258,7 @@ def at_stop(trace: Trace, actuator: Actuator, surface: str = "elevator") -> npt.
 def snr_db(
     *, alpha_max: float, q_max: float, alpha_std: float, q_std: float, poles: npt.NDArray[np.complex128]
 ) -> float | None:
-    """Return the signal-to-noise ratio of Sillence eq (82), dB; alpha and q in the same angle unit as their noise.
+    """Return the signal-to-noise ratio of Sillence eq (82), dB; alpha and q in the angle unit of their noise.
 
     Pitch rate is weighted by w = 1/sqrt|p1 p2|, p the short-period poles, rad/s. None without a signal.
     """

@@ -1,4 +1,4 @@
-"""Options: settings of code that is not flightbed's, an immutable mapping of what TOML has: text, numbers, true and false, lists."""
+"""Options: settings of external code, an immutable mapping of TOML values (text, numbers, booleans, lists)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 
 class Options(Mapping[str, Any]):
-    """A free-form table of a scenario, frozen: hashable, equal by value, and the same in another process.
+    """A free-form table of a scenario: immutable, hashable, compared by value, picklable.
 
     Args:
-        values: name -> text, number, true or false, or a list of these; lists are kept as tuples.
+        values: name -> text, number, boolean, or a list of these; lists are stored as tuples.
 
     """
 
@@ -25,7 +25,7 @@ class Options(Mapping[str, Any]):
         try:
             return self._values[name]
         except KeyError:
-            raise KeyError(f"there is no option {name}; there is: {', '.join(self._values) or 'none'}") from None
+            raise KeyError(f"no option {name}; options: {', '.join(self._values) or 'none'}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
@@ -41,7 +41,7 @@ class Options(Mapping[str, Any]):
 
 
 def is_option(value: object) -> bool:
-    """Tell whether a value may be an option."""
+    """Return whether a value is valid as an option: text, a finite number, a boolean, or a list of these."""
     if isinstance(value, list | tuple):
         return all(is_option(inner) for inner in value)
     return isinstance(value, str | bool | int) or (isinstance(value, float) and isfinite(value))

@@ -1,4 +1,4 @@
-"""KEY=VALUE overrides of a nested mapping: ``failures.0.to=0.35`` reaches every key."""
+"""KEY=VALUE overrides of a nested mapping; a dotted key such as ``failures.0.to`` addresses any value."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from flightbed.errors import ScenarioError
 
 
 def override(raw: Mapping[str, Any], overrides: Sequence[str]) -> tuple[Mapping[str, Any], frozenset[str]]:
-    """Apply overrides in order; values are read as TOML, or else taken as text.
+    """Apply overrides in order; a value that is not TOML is text.
 
     Returns:
-        The new mapping, and the keys that were set.
+        The new mapping, and the keys that the overrides set.
 
     Raises:
-        ScenarioError: an override is not KEY=VALUE, or its key reaches into nothing.
+        ScenarioError: an override is not KEY=VALUE, or its key addresses a value inside a scalar.
 
     """
     if isinstance(overrides, str):
@@ -33,26 +33,26 @@ def override(raw: Mapping[str, Any], overrides: Sequence[str]) -> tuple[Mapping[
 
 
 def toml_value(text: str) -> Any:
-    """Read a value as TOML, or else take it as text."""
+    """Return the TOML value of a text; a text that is not TOML is returned as it is."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         try:
-            return float(text)  # ".5" and "1." are numbers to everyone but TOML
+            return float(text)  # TOML has no ".5" and "1."
         except ValueError:
             return {"True": True, "False": False}.get(text, text)
 
 
 def setting(key: str, value: Any) -> str:
-    """Return KEY=VALUE for a value of TOML, as an override reads it back."""
+    """Return the override KEY=VALUE of a TOML value; ``override`` reads the same value back."""
     is_plain = isinstance(value, str) and toml_value(value) == value and isinstance(toml_value(value), str)
     return f"{key}={value if is_plain else json.dumps(value, ensure_ascii=False)}"
 
 
 def replaced(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
-    """Return a copy of a nested structure with one value replaced; tables on the way are made as needed.
+    """Return a copy of a nested structure with one value replaced; missing tables and lists on its path are created.
 
-    Raises ScenarioError, with the place, when the keys reach into nothing.
+    Raises ScenarioError, which names ``place``, for an index outside a list and for a key inside a scalar.
     """
     key, rest = keys[0], keys[1:]
     missing: Any = [] if rest and rest[0].isdigit() else {}
@@ -63,5 +63,5 @@ def replaced(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
         old = node[index] if index < len(node) else missing
         return [*node[:index], replaced(old, rest, value, place) if rest else value, *node[index + 1 :]]
     if not isinstance(node, dict):
-        raise ScenarioError([f"{place}: '{key}': there is no table here to reach into"])
+        raise ScenarioError([f"{place}: '{key}': the value that contains it is not a table; use a key of the scenario"])
     return {**node, key: replaced(node.get(key, missing), rest, value, place) if rest else value}

@@ -1,9 +1,9 @@
-"""Samples at the pace of the wall clock, and how well the pace was kept: every tick is timed, and a late one is counted.
+"""Real-time pacing of a flight's samples, with the timing of every tick and a count of late ticks.
 
-A flight's samples come from a generator, and asking it for sample k does all of tick k's work: the plant flies the control period that ends
-at tick k, with the command of tick k-1, and is sensed; estimators and law answer, and the command of tick k goes out. So tick k is released
-by asking for its sample, and no work of the flight lies between two ticks. What is done with the sample downstream, recording or sending,
-belongs to the tick as well. Of the last tick's command nothing is seen any more; the period that it flies has no tick of its own.
+A generator yields the samples of a flight, and requesting sample k does all work of tick k: the plant advances over the control period
+that ends at tick k, with the command of tick k-1; sensors, estimators and law run and give the command of tick k. Requesting the sample
+therefore releases the tick, and no work of the flight lies between two ticks. Downstream work on the sample, recording or sending, belongs
+to its tick as well. The command of the last tick has no effect: no control period follows.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ _NS = 1_000_000_000  # per second
 
 
 class Clock(Protocol):
-    """A clock that never goes back, and the sleep that belongs to it."""
+    """A monotonic clock and its sleep function."""
 
     @property
     def spin_ns(self) -> int:
-        """How long before its end a wait stops sleeping and watches the clock instead, ns: what the sleep may overshoot."""
+        """Time before the end of a wait at which polling of the clock replaces sleep, ns: the expected overshoot of a sleep."""
 
     def now_ns(self) -> int:
-        """Return the time since some fixed moment, ns."""
+        """Return the time since a fixed origin, ns."""
 
     def sleep(self, seconds: float) -> None:
-        """Let at least so many seconds go by."""
+        """Wait for at least this many seconds."""
 
 
 @dataclass(frozen=True)
@@ -44,29 +44,29 @@ class WallClock:
     """The computer's monotonic clock.
 
     Attributes:
-        spin_ns: 0.2 ms, by ``benchmarks/realtime.py``: on an idle machine a sleep ends 0.12 ms late, 0.2 ms in one of a hundred; on a busy
-            one every further bit of spinning costs the scheduler's favour, and with it ticks that wait for a core.
+        spin_ns: 0.2 ms, measured by ``benchmarks/realtime.py``: on an idle machine a sleep ends 0.12 ms late, 0.2 ms in one of a hundred;
+            on a busy machine longer polling lowers the priority of the process, and ticks wait for a core.
 
     """
 
     spin_ns: int = 200_000
 
     def now_ns(self) -> int:
-        """Return the time since some fixed moment, ns."""
+        """Return the time since a fixed origin, ns."""
         return time.perf_counter_ns()
 
     def sleep(self, seconds: float) -> None:
-        """Let at least so many seconds go by; a signal's handler runs at once, and what it raises ends the sleep."""
+        """Wait for at least this many seconds; a signal handler runs at once, and an exception from it ends the wait."""
         time.sleep(seconds)
 
 
 class Timing(NamedTuple):
-    """How one tick kept to the schedule, on which tick k is due k control periods after the start.
+    """Timing of one tick against the schedule; tick k is due k control periods after the start.
 
     Attributes:
-        release_late_ns: from when it was due to when it began.
-        compute_ns: from when it began to when its sample was there.
-        slack_ns: from when its work was done, downstream included, to when the next tick was due; negative: this tick is late.
+        release_late_ns: delay of the start of the tick after its due time.
+        compute_ns: time from the start to the sample.
+        slack_ns: time from the end of the work, downstream included, to the due time of the next tick; negative for a late tick.
 
     """
 
@@ -76,19 +76,19 @@ class Timing(NamedTuple):
 
 
 def paced(samples: Iterable[T], *, control_hz: int, clock: Clock, record: Callable[[Timing], object]) -> Iterator[T]:
-    """Yield the samples unchanged, each asked for no sooner than its tick is due.
+    """Yield the samples unchanged; request each one no earlier than its tick is due.
 
-    Tick 0 is due when the first sample is asked for, tick k exactly k/control_hz later: nothing adds up. After a tick that took too long
-    the ones behind it follow at once, until the schedule is caught up with. The end of the samples is looked for when the tick after the
-    last one is due, so that a flight takes its whole duration.
+    Tick 0 is due at the first request, tick k exactly k/control_hz later, so errors do not accumulate. After an overlong tick the next
+    ticks follow without waiting until they are back on schedule. The end of the samples is requested at the due time after the last tick,
+    so that a flight takes its whole duration.
 
-    Garbage collections while the samples flow pass over all that was there before: looking through the imported libraries takes 0.1 s.
+    Garbage collections during the flight skip all objects that existed before: scanning the imported libraries takes 0.1 s.
 
     Args:
-        samples: of a flight, computed when asked for.
+        samples: samples of a flight, computed on request.
         control_hz: ticks per second.
-        clock: the time that is kept to.
-        record: is given the timing of every tick, once what is downstream asks for the next sample, or will have no more.
+        clock: clock that defines the schedule.
+        record: called with the timing of every tick, when the consumer requests the next sample or closes the generator.
 
     """
     source = iter(samples)
@@ -109,7 +109,7 @@ def paced(samples: Iterable[T], *, control_hz: int, clock: Clock, record: Callab
 
 
 def _wait_until(due_ns: int, clock: Clock) -> int:
-    """Sleep through most of the wait and spin through the rest; returns the time then, ns."""
+    """Sleep for most of the wait and poll the clock for the rest; return the time at its end, ns."""
     now = clock.now_ns()
     if (sleep_ns := due_ns - now - clock.spin_ns) > 0:
         clock.sleep(sleep_ns / _NS)
@@ -121,8 +121,8 @@ def _wait_until(due_ns: int, clock: Clock) -> int:
 
 @contextmanager
 def heap_set_aside() -> Iterator[None]:
-    """Let garbage collections pass over all that is there by now: looking through the imported libraries takes long."""
-    if gc.get_freeze_count():  # somebody else's business
+    """Exclude all existing objects from garbage collections inside the ``with`` block: scanning the imported libraries takes 0.1 s."""
+    if gc.get_freeze_count():  # the caller has frozen the heap already and unfreezes it
         yield
         return
     gc.freeze()
@@ -137,7 +137,7 @@ def with_timings(trace: Trace, timings: Sequence[int]) -> Trace:
 
     Args:
         trace: the flight.
-        timings: the numbers of all its Timings, one after the other.
+        timings: the fields of the Timings of all ticks, one after the other, ns.
 
     """
     for name, values in zip(Timing._fields, np.array(timings, dtype=np.float64).reshape(-1, 3).T, strict=True):
@@ -147,7 +147,7 @@ def with_timings(trace: Trace, timings: Sequence[int]) -> Trace:
 
 @dataclass(frozen=True)
 class Spread:
-    """Percentiles over the ticks."""
+    """Percentiles over the ticks of a flight, ms."""
 
     p50: float
     p95: float
@@ -157,15 +157,16 @@ class Spread:
 
 @dataclass(frozen=True)
 class Punctuality:
-    """How well a flight kept pace.
+    """Real-time performance of a flight.
 
     Attributes:
-        ticks: how many there were.
-        late_ticks: ticks whose work was not done when the next one was due; late_share: of all ticks.
-        worst_overrun_ms: how long after that the worst of them was done; None if none is late.
-        jitter_ms: how late ticks began.
-        compute_ms: how long they took from there to their sample.
-        achieved_hz: ticks per second from the first to the last beginning; None for a single tick.
+        ticks: number of ticks.
+        late_ticks: number of ticks whose work was not done when the next one was due.
+        late_share: late ticks over all ticks.
+        worst_overrun_ms: largest delay of the end of a late tick after its deadline; None if no tick is late.
+        jitter_ms: percentiles of the delay of the start of a tick.
+        compute_ms: percentiles of the time from the start of a tick to its sample.
+        achieved_hz: ticks per second from the first to the last start; None for a single tick.
 
     """
 
@@ -179,7 +180,7 @@ class Punctuality:
 
 
 def punctuality(trace: Trace, *, control_hz: int) -> Punctuality | None:
-    """Return how well a flight kept pace; None for one that was not paced."""
+    """Return the real-time performance of a flight; None for a flight without timings."""
     if "slack_ms" not in trace.columns:
         return None
     slack, released, ticks = trace["slack_ms"], trace["release_late_ms"], len(trace)
@@ -201,7 +202,7 @@ def _spread(values: npt.NDArray[np.float64]) -> Spread:
 
 
 class Spell(NamedTuple):
-    """Late ticks in a row: flight time of the first, s; how many; how long after its deadline the worst was done, ms."""
+    """Consecutive late ticks: flight time of the first, s; number of ticks; largest delay of an end after its deadline, ms."""
 
     t_s: float
     ticks: int
@@ -209,7 +210,7 @@ class Spell(NamedTuple):
 
 
 def late_spells(trace: Trace) -> list[Spell]:
-    """Return when a flight was late, in order of time; nothing for one that was not paced."""
+    """Return the spells of late ticks in order of time; an empty list for a flight without timings."""
     if "slack_ms" not in trace.columns:
         return []
     late = np.flatnonzero(trace["slack_ms"] < 0.0)

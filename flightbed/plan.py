@@ -1,4 +1,4 @@
-"""Scenario -> Plan: what is known before take-off; trims, linearizes and designs."""
+"""Scenario -> Plan: trim, linearization and control design before take-off."""
 
 from __future__ import annotations
 
@@ -27,46 +27,52 @@ from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import TrimPoint, trim
 from flightbed.units import DEG, FT
 
-_STANDARD = Condition(mach=0.8, altitude_ft=20000.0)  # at which the schedule is tabulated
+_STANDARD = Condition(mach=0.8, altitude_ft=20000.0)  # condition at which the schedule is tabulated
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is known before take-off: the trimmed aircraft and the design that rests on it."""
+    """The trimmed aircraft and the control design at its trim point, both known before take-off."""
 
     scenario: Scenario
     aircraft: Aircraft | LinearAircraft
     trim: TrimPoint
     design: ShortPeriod
-    gains: Gains | None  # None for a law that does not tell
-    schedule: Schedule | None  # None if no estimator asks for it
-    lateral: LateralDirectional | None = None  # None if roll and yaw are left to the stock laws
-    margins: Margins | None = None  # of the pitch loop; None for a law that does not tell its gains
+    gains: Gains | None  # None for a law without the attribute
+    schedule: Schedule | None  # None if no estimator uses it
+    lateral: LateralDirectional | None = None  # None if the stock laws control roll and yaw
+    margins: Margins | None = None  # of the pitch loop; None for a law without gains
     load_factor: LoadFactorDesign | None = None  # None if the flight is not commanded in g
 
     @property
     def actuators(self) -> Mapping[str, Actuator]:
-        """Actuators of the surfaces that are commanded: of the elevator, or of all three, by name."""
-        turning = self.aircraft.lateral if self.lateral is not None and isinstance(self.aircraft, Aircraft) else {}
-        return {"elevator": self.aircraft.actuator, **turning}
+        """Actuators of the commanded surfaces by name: of the elevator, or of all three."""
+        lateral = self.aircraft.lateral if self.lateral is not None and isinstance(self.aircraft, Aircraft) else {}
+        return {"elevator": self.aircraft.actuator, **lateral}
 
 
 def plan(scenario: Scenario) -> Plan:
-    """Trim, linearize and design; the plan's scenario names the very aircraft.
+    """Trim, linearize and design; the scenario of the plan names the aircraft by path and fingerprint.
 
-    A linear aircraft is its own design model, and flies about a trim of zero. Raises AircraftError, NoTrimError, DesignError, and
-    ScenarioError for what a linear aircraft does not have.
+    A linear aircraft is its own design model, in deviations from trim.
+
+    Raises:
+        AircraftError: the aircraft cannot be loaded, or is not the one that the scenario names.
+        NoTrimError: there is no equilibrium at the initial condition.
+        DesignError: the law cannot be designed.
+        ScenarioError: the aircraft does not support a setting; lists every problem.
+
     """
     aircraft = load_flyable(scenario.aircraft.model)
     if scenario.aircraft.sha256 not in ("", aircraft.sha256):
         raise AircraftError(
-            f"aircraft {scenario.aircraft.model} is not the one that this scenario was flown with (aircraft.sha256 differs); "
-            'clear the key, --set aircraft.sha256="", to fly it all the same'
+            f"aircraft {scenario.aircraft.model} is not the aircraft of this scenario (aircraft.sha256 differs); "
+            'clear the key, --set aircraft.sha256="", to fly it anyway'
         )
     scenario = scenario.with_aircraft(load_path(scenario.aircraft.model), aircraft.sha256)
-    schedule, turning, pulling = None, None, None
+    schedule, lateral, load_factor = None, None, None
     if isinstance(aircraft, LinearAircraft):
-        if problems := _beyond_linear(scenario, aircraft):
+        if problems := _unsupported_by_linear(scenario, aircraft):
             raise ScenarioError(problems)
         altitude_m = aircraft.altitude_ft * FT
         point = TrimPoint(Motion(aircraft.airspeed_m_s, 0.0, 0.0, 0.0, altitude_m), Controls(0.0, 0.0), 0.0)
@@ -77,9 +83,9 @@ def plan(scenario: Scenario) -> Plan:
         design = short_period(model, actuator_rad_s=aircraft.actuator.lag_rad_s)
         if scenario.lateral.enabled:
             lags = aircraft.lateral["aileron"].lag_rad_s, aircraft.lateral["rudder"].lag_rad_s
-            turning = lateral_directional(model, airframe, actuators_rad_s=lags)
+            lateral = lateral_directional(model, airframe, actuators_rad_s=lags)
         if scenario.in_g:
-            pulling = LoadFactorDesign(
+            load_factor = LoadFactorDesign(
                 pitch_points(aircraft, cg_shift_cbar=scenario.aircraft.cg_shift_cbar),
                 pitch_point(model, mach=airframe.mach, altitude_m=airframe.altitude_m),
                 aircraft.actuator.lag_rad_s,
@@ -95,38 +101,38 @@ def plan(scenario: Scenario) -> Plan:
                 fingerprint=fingerprint,
                 standard=lambda: _airframe(aircraft, _STANDARD, scenario.aircraft.cg_shift_cbar),
             )
-    law = law_of(scenario, design) if pulling is None else load_factor_law_of(scenario, pulling)
+    law = law_of(scenario, design) if load_factor is None else load_factor_law_of(scenario, load_factor)
     gains = getattr(law, "gains", None)
     if not isinstance(gains, Gains):
         gains = None
     if scenario.adaptation.limit_command and gains is None:
         raise DesignError(
-            f"adaptation.limit_command: the law '{scenario.control.law}' does not tell its gains, set it to false"
+            f"adaptation.limit_command: needs a law with gains (got '{scenario.control.law}'); set it to false"
         )
     margins = None if gains is None else _margins(scenario, design, gains)
-    return Plan(scenario, aircraft, point, design, gains, schedule, turning, margins, pulling)
+    return Plan(scenario, aircraft, point, design, gains, schedule, lateral, margins, load_factor)
 
 
 def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:
     adaptation, hz = scenario.adaptation, scenario.rates.control_hz
-    anew = adaptation.enabled and adaptation.method == "redesign"
+    redesign = adaptation.enabled and adaptation.method == "redesign"
     return pitch_margins(
         design,
-        (lambda K: lq_gains(scenario.control, design, hz, K)) if anew else lambda _K: gains,
+        (lambda K: lq_gains(scenario.control, design, hz, K)) if redesign else lambda _K: gains,
         control_hz=hz,
-        corrected=adaptation.enabled and not anew,
-        effective=adaptation.enabled and not anew and adaptation.feedback == "effective",
+        corrected=adaptation.enabled and not redesign,
+        effective=adaptation.enabled and not redesign and adaptation.feedback == "effective",
     )
 
 
 def law_of(scenario: Scenario, design: ShortPeriod) -> Law:
-    """Return a fresh law, as the scenario asks for it. Raises DesignError."""
+    """Return a new law as specified by the scenario. Raises DesignError."""
     law: Law = registry.factory("laws", scenario.control.law)(scenario.control, design, scenario.rates.control_hz)
     return law
 
 
 def load_factor_law_of(scenario: Scenario, design: LoadFactorDesign) -> LoadFactorLaw:
-    """Return a fresh law of load factor, as the scenario asks for it. Raises DesignError."""
+    """Return a new load-factor law as specified by the scenario. Raises DesignError."""
     law: LoadFactorLaw = registry.factory("laws", scenario.control.law)(
         scenario.control, design, scenario.rates.control_hz
     )
@@ -136,9 +142,9 @@ def load_factor_law_of(scenario: Scenario, design: LoadFactorDesign) -> LoadFact
 def _trimmed(scenario: Scenario, aircraft: Aircraft) -> tuple[JsbsimAirframe, TrimPoint]:
     if scenario.process_noise.alpha_std_deg_s or scenario.process_noise.q_std_deg_s2:
         raise ScenarioError(
-            ["process_noise: only a linear aircraft has it; what disturbs a nonlinear one is atmosphere.turbulence"]
+            ["process_noise: only linear aircraft have process noise; set atmosphere.turbulence instead"]
         )
-    if problems := _beyond_overlay(scenario, aircraft):
+    if problems := _unsupported_by_overlay(scenario, aircraft):
         raise ScenarioError(problems)
     condition = scenario.condition
     airframe = _airframe(aircraft, condition, scenario.aircraft.cg_shift_cbar)
@@ -154,8 +160,8 @@ def _airframe(aircraft: Aircraft, condition: Condition, cg_shift_cbar: float) ->
     return JsbsimAirframe(aircraft, mach=condition.mach, altitude_m=altitude_m, cg_shift_cbar=cg_shift_cbar)
 
 
-def _beyond_overlay(scenario: Scenario, aircraft: Aircraft) -> list[str]:
-    """Return what a scenario asks of an overlay aircraft that it does not have, one line each."""
+def _unsupported_by_overlay(scenario: Scenario, aircraft: Aircraft) -> list[str]:
+    """Return the settings that an overlay aircraft does not support, one message per line."""
     problems = []
     if scenario.lateral.enabled and not aircraft.lateral:
         problems.append(
@@ -170,8 +176,8 @@ def _beyond_overlay(scenario: Scenario, aircraft: Aircraft) -> list[str]:
     return problems
 
 
-def _beyond_linear(scenario: Scenario, aircraft: LinearAircraft) -> list[str]:
-    """Return what a scenario asks of a linear aircraft that it does not have, one line each."""
+def _unsupported_by_linear(scenario: Scenario, aircraft: LinearAircraft) -> list[str]:
+    """Return the settings that a linear aircraft does not support, one message per line."""
     wanted: list[tuple[str, object, object]] = [
         ("condition.mach", scenario.condition.mach, aircraft.mach),
         ("condition.altitude_ft", scenario.condition.altitude_ft, aircraft.altitude_ft),
@@ -185,14 +191,14 @@ def _beyond_linear(scenario: Scenario, aircraft: LinearAircraft) -> list[str]:
         *((f"estimators.{i}.model", e.model, "short-period") for i, e in enumerate(scenario.estimators)),
     ]
     faults = [
-        f"failures.{i}.kind: '{f.kind}' is of an actuator, which the linear aircraft {aircraft.name} does not have; choose another one"
+        f"failures.{i}.kind: '{f.kind}' is an actuator failure; the linear aircraft {aircraft.name} models none, choose another kind"
         for i, f in enumerate(scenario.failures)
         if f.kind in ACTUATOR_FAILURES
     ]
     if scenario.in_g:
         faults.append(
             f"control.law: '{scenario.control.law}' is scheduled over the envelope, which the linear aircraft {aircraft.name} "
-            "does not have; choose another one"
+            "does not have; choose another law"
         )
     return faults + [
         f"{key}: must be {only!r} with the linear aircraft {aircraft.name} (got {got!r})"

@@ -1,8 +1,8 @@
-"""Names in a scenario or on the command line -> the code behind them: a built-in table, entry points, and code that the user permits.
+"""Registry of factories by name: built-in, installed as entry points, and permitted by the user.
 
-A package adds its own by an entry point in the group ``flightbed.estimators`` (or ``laws``, ``commands``, ``failures``)
-that names a factory with the signature of the built-in ones in ``factories.py``; in ``flightbed.studies``, one without arguments that
-returns a ``studies.base.Study``. Code that is not installed, ``module:Attribute``, is known while it is permitted (``extension.py``).
+A package registers a factory by an entry point in the group ``flightbed.estimators`` (or ``laws``, ``commands``, ``failures``); the
+factory has the signature of the built-in ones in ``factories.py``. A factory in ``flightbed.studies`` takes no arguments and returns a
+``studies.base.Study``. Code that is not installed, ``module:Attribute``, is registered while it is permitted (``extension.py``).
 """
 
 from __future__ import annotations
@@ -98,17 +98,17 @@ _PERMITTED: ContextVar[Mapping[str, Permitted]] = ContextVar("flightbed code of 
 
 
 def names(family: str) -> tuple[str, ...]:
-    """Return the sorted names of a family, and those of the code that is permitted."""
+    """Return the sorted names of a family, permitted external code included."""
     return tuple(sorted({*_BUILT_IN[family], *_installed(family), *in_use()}))
 
 
 def is_built_in(family: str, name: str) -> bool:
-    """Tell whether a name is one of flightbed's own."""
+    """Return whether a name is built in."""
     return name in _BUILT_IN[family]
 
 
 def is_taken(family: str, name: str) -> bool:
-    """Tell whether a name is built in or that of an installed package."""
+    """Return whether a name is built in or registered by an installed package."""
     return name in _BUILT_IN[family] or name in _installed(family)
 
 
@@ -127,8 +127,8 @@ def permitted(extensions: Mapping[str, Permitted]) -> Iterator[None]:
         _PERMITTED.reset(token)
 
 
-def outside(name: str) -> str | None:
-    """Return what to say of a name that is code outside flightbed and not permitted; None for other names."""
+def permission_problem(name: str) -> str | None:
+    """Return the error text for a name of external code that is not permitted; None for other names."""
     if ":" not in name or name in in_use():
         return None
     return (
@@ -138,7 +138,7 @@ def outside(name: str) -> str | None:
 
 
 def factory(family: str, name: str) -> Callable[..., Any]:
-    """Return the factory behind a name. Raises UnknownNameError."""
+    """Return the factory registered under a name. Raises UnknownNameError, and ExtensionError for external code that is not permitted."""
     if name in _BUILT_IN[family]:
         module, _, attribute = _BUILT_IN[family][name].rpartition(":")
         built_in: Callable[..., Any] = getattr(import_module(module or "flightbed.factories"), attribute)
@@ -148,7 +148,7 @@ def factory(family: str, name: str) -> Callable[..., Any]:
         return loaded
     if name in in_use():
         return in_use()[name].maker(family)
-    if problem := outside(name):
+    if problem := permission_problem(name):
         raise ExtensionError(problem)
     raise UnknownNameError("study" if family == "studies" else family.removesuffix("s"), name, names(family))
 

@@ -1,4 +1,4 @@
-"""TOML -> frozen Scenario, with --set overrides; every problem is reported at once."""
+"""Reading of scenarios: TOML -> frozen Scenario, with --set overrides; all problems are reported at once."""
 
 from __future__ import annotations
 
@@ -19,9 +19,16 @@ __all__ = ["Scenario", "load_scenario"]
 
 
 def load_scenario(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:
-    """Read a scenario: a path, a shipped name, or a mapping; then apply overrides like ``"failures.0.to=0.35"``.
+    """Read a scenario and apply overrides.
 
-    Raises UnknownNameError when there is no such scenario, ScenarioError with every problem otherwise.
+    Args:
+        source: path, shipped name, or mapping.
+        overrides: KEY=VALUE, such as ``"failures.0.to=0.35"``.
+
+    Raises:
+        UnknownNameError: no such scenario.
+        ScenarioError: the scenario is invalid; lists every problem.
+
     """
     if isinstance(source, Mapping):
         return build(source, "scenario", overrides)
@@ -30,12 +37,12 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Sequence[st
 
 
 def build(raw: Mapping[str, Any], place: str, overrides: Sequence[str] = ()) -> Scenario:
-    """Return the scenario of what a file holds, with overrides; ``place`` is what errors call the file. Raises ScenarioError."""
+    """Return the scenario of a file's contents with overrides; ``place`` names the file in errors. Raises ScenarioError."""
     return changed(raw, place, overrides)[1]
 
 
 def changed(raw: Mapping[str, Any], place: str, overrides: Sequence[str]) -> tuple[Mapping[str, Any], Scenario]:
-    """Return what a file holds with overrides applied, which its description tells, and the scenario of it. Raises ScenarioError."""
+    """Return a file's contents with overrides applied and noted in the description, and its scenario. Raises ScenarioError."""
     raw, overridden = override(raw, overrides)
     description = raw.get("description", "")
     if overridden and "description" not in overridden and isinstance(description, str):
@@ -52,12 +59,12 @@ def validated(raw: Mapping[str, Any], place: str, origins: Mapping[str, str]) ->
     """Return the scenario of nested plain values.
 
     Args:
-        raw: what a file holds, overrides applied.
-        place: what errors call the file.
-        origins: keys that somebody else has set -> what errors call that, ``"--set"`` or a place in a campaign file.
+        raw: contents of a file, overrides applied.
+        place: name of the file in errors.
+        origins: key set elsewhere -> its origin in errors, ``"--set"`` or a place in a campaign file.
 
     Raises:
-        ScenarioError: with every problem.
+        ScenarioError: the scenario is invalid; lists every problem.
 
     """
     try:
@@ -70,7 +77,7 @@ def validated(raw: Mapping[str, Any], place: str, origins: Mapping[str, str]) ->
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return what a TOML file holds. Raises ScenarioError."""
+    """Return the contents of a TOML file. Raises ScenarioError."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
@@ -80,14 +87,14 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def frozen(value: Any) -> Any:
-    """Return nested lists as tuples: strict validation takes no list for a tuple."""
+    """Return nested lists as tuples: strict validation rejects a list where a tuple is declared."""
     if isinstance(value, Mapping):
         return {key: frozen(inner) for key, inner in value.items()}
     return tuple(map(frozen, value)) if isinstance(value, list | tuple) else value
 
 
 def shown(path: Path) -> str:
-    """Return what errors call a file of scenarios or campaigns: as in the source tree if it is shipped."""
+    """Return the name of a scenario or campaign file in errors: its path in the source tree if it is shipped."""
     for kind, folder in (("scenario", "scenarios"), ("campaign", "scenarios/campaigns")):
         if path.parent == data.shipped(kind):
             return f"{folder}/{path.name}"
@@ -97,10 +104,10 @@ def shown(path: Path) -> str:
 def problems(
     error: ValidationError, place: str, origins: Mapping[str, str] = MappingProxyType({}), *, model: type
 ) -> list[str]:
-    """Return what a validation found, one line each, with place, value and cure."""
+    """Return the problems of a validation, one line each, with place, value and cure."""
 
-    def whose(key: str) -> str:
-        """Return what set the key, or a part of it, with what separates the two."""
+    def origin_of(key: str) -> str:
+        """Return the origin of a key or of a key inside it, with its separator."""
         origin = next((o for k, o in origins.items() if k == key or k.startswith(f"{key}.")), None)
         return f"{place}: " if origin is None else f"{origin} " if origin == "--set" else f"{origin}: "
 
@@ -112,9 +119,9 @@ def problems(
         elif item["type"] == "extra_forbidden":
             known = known_keys(model, item["loc"][:-1])
             hint = did_you_mean(str(item["loc"][-1]), known) or f"; known: {', '.join(known)}"
-            found.append(f"{whose(key).rstrip(': ')}: unknown key {key}{hint}")
+            found.append(f"{origin_of(key).rstrip(': ')}: unknown key {key}{hint}")
         else:
-            exact = whose(key) if key in origins else f"{place}: "
+            exact = origin_of(key) if key in origins else f"{place}: "
             silent = item["type"] in ("missing", "rates", "bounds", "poles", "outside")
             got = "" if silent else f" (got {brief(item['input'])})"
             found.append(f"{exact}{key}: {message(item)}{got}")

@@ -1,4 +1,4 @@
-"""Numbers over many flights: a median with its range, a share with its interval, a paired difference with its interval."""
+"""Statistics over many flights: median and range, and intervals of shares, means, medians and quantiles."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Spread:
-    """Median and 5th to 95th percentile of the runs that have the value.
+    """Median and 5th to 95th percentile over the runs that have the value.
 
     Attributes:
         runs: number of runs.
-        missing: runs in which it never happened (None).
-        median, low, high: nan if it happened in none.
+        missing: number of runs without the value (None or not finite).
+        median, low, high: nan if no run has the value.
 
     """
 
@@ -31,7 +31,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate with a 95 % confidence interval, over so many runs."""
+    """An estimate with a 95 % confidence interval, and the number of runs."""
 
     estimate: float
     low: float
@@ -41,11 +41,11 @@ class Interval:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of flights that may end early.
+    """Result of flights that may end early.
 
     Attributes:
-        stayed: a value of those that flew to the end; missing: those that did not.
-        gone_s: when the others ended; missing: those that stayed.
+        stayed: a value over the complete flights; ``missing`` counts those that ended early.
+        gone_s: end times of the other flights, s; ``missing`` counts the complete flights.
 
     """
 
@@ -54,20 +54,26 @@ class Outcome:
 
 
 def outcome(values: Sequence[float | None], gone_s: Sequence[float | None]) -> Outcome:
-    """Return the spread of a value over the flights that stayed, and of the time at which the others went."""
+    """Return the spread of a value over the complete flights, and the spread of the end times of the others.
+
+    Args:
+        values: one per flight.
+        gone_s: end time of each flight that ended early, s; None for a complete flight.
+
+    """
     stayed = [None if gone is not None else value for value, gone in zip(values, gone_s, strict=True)]
     return Outcome(spread(stayed), spread(gone_s))
 
 
 def spread(values: Sequence[float | None]) -> Spread:
-    """Return median and 5-95 % range."""
+    """Return median and 5-95 % range; None and values that are not finite count as missing."""
     had = np.array([v for v in values if v is not None and np.isfinite(v)], dtype=np.float64)
     low, median, high = np.percentile(had, [5, 50, 95]).tolist() if had.size else [np.nan] * 3
     return Spread(len(values), len(values) - had.size, median, low, high)
 
 
 def rank(values: Sequence[float | None], value: float) -> float:
-    """Return the share of the runs that lie below a value, ties counted half; those in which it never happened lie above."""
+    """Return the share of the runs below a value; ties count half, and runs without the value (None) lie above."""
     had = np.array([np.inf if v is None else v for v in values], dtype=np.float64)
     return float(np.mean(had < value) + 0.5 * np.mean(had == value))
 
@@ -81,10 +87,10 @@ def share(successes: int, runs: int) -> Interval:
 
 
 def median_interval(values: Sequence[float]) -> Interval:
-    """Return the median with the interval between order statistics that holds it with at least 95 % (of the sign test).
+    """Return the median with the interval between order statistics that holds it with at least 95 % (sign test).
 
-    As ``quantile_interval``. Of paired differences it is a test of their sign. Fewer than 6 values hold it with less than 95 % whatever
-    they are: the interval is then infinite. Values may be infinite, of what never happened.
+    It equals ``quantile_interval`` at p = 0.5. For paired differences it tests their sign. With fewer than 6 values no interval reaches
+    95 %, and it is infinite. An infinite value represents an event that did not occur.
     """
     ends = quantile_interval(values, 0.5)
     return Interval(float(np.median(values)), ends.low, ends.high, ends.runs)
@@ -94,12 +100,12 @@ def quantile_interval(values: Sequence[float], p: float) -> Interval:
     """Return a quantile with the interval between order statistics that holds it with at least 95 %.
 
     Exact for any distribution: the k-th smallest of n values lies above the quantile only if fewer than k of them lie below it, a
-    binomial count (Conover, Practical Nonparametric Statistics, S 3.2). An end for which there are too few values is infinite: of p = 0.05
-    and 0.95 fewer than 72 leave one open.
+    binomial count (Conover, Practical Nonparametric Statistics, S 3.2). An end without enough values is infinite: for p = 0.05 and
+    0.95 both ends are finite from 72 values on.
 
     Args:
         values: at least one.
-        p: of the quantile, between 0 and 1.
+        p: probability of the quantile, between 0 and 1.
 
     """
     from scipy.stats import binom  # slow to import
@@ -113,14 +119,14 @@ def quantile_interval(values: Sequence[float], p: float) -> Interval:
 
 
 def chi_square_bound(degrees: float) -> float:
-    """Return what 95 % of a chi-square with so many degrees of freedom stay below."""
+    """Return the 95 % quantile of the chi-square distribution with this number of degrees of freedom."""
     from scipy.special import chdtri  # slow to import
 
     return float(chdtri(degrees, 0.05))
 
 
 def student_interval(values: Sequence[float], confidence: float = 0.95) -> Interval:
-    """Return the mean with the interval of Student's t: a bias is one of the mean. One value has an infinite interval."""
+    """Return the mean with its Student t interval, the interval for a bias; infinite for a single value."""
     from scipy.stats import t as student  # slow to import
 
     data = np.asarray(values, dtype=np.float64)

@@ -85,7 +85,7 @@ _ESTIMATED = {
     "innovation_alpha_std_deg": ("innovation_alpha_std_rad", 1 / DEG),
     "innovation_q_std_deg_s": ("innovation_q_std_rad_s", 1 / DEG),
 }
-# Of estimators that reconstruct an input; the others have no such columns.
+# Columns of estimators that reconstruct an input; the others do not have them.
 _RECONSTRUCTED = {
     "reconstructed_deg": ("reconstructed_rad", 1 / DEG),
     "reconstructed_std_deg": ("reconstructed_std_rad", 1 / DEG),
@@ -93,8 +93,11 @@ _RECONSTRUCTED = {
     "offset_std_deg": ("offset_std_rad", 1 / DEG),
     "verdict": ("verdict", 1.0),
 }
-ACTING, GUST_ALPHA = "elevator_acting_deg", "gust_alpha_deg"  # what they are held against, in flights that have one
-# Of a flight whose aileron and rudder are commanded, after all others.
+ACTING, GUST_ALPHA = (
+    "elevator_acting_deg",
+    "gust_alpha_deg",
+)  # true values of the reconstructed inputs, in flights with such an estimator
+# Fields of a flight with commanded aileron and rudder, after all others.
 _LATERAL_FIELDS = (
     *(name for name in LateralSample._fields if name not in ("truth", "measurement")),
     *LateralTruth._fields,
@@ -124,7 +127,7 @@ _LATERAL = {
     "aileron_mean_meas_deg": ("aileron_mean_rad/measured", 1 / DEG),
     "rudder_mean_meas_deg": ("rudder_mean_rad/measured", 1 / DEG),
 }
-# Of a flight that is commanded in g, after all others.
+# Fields of a flight commanded in g, after all others.
 _LOAD_FACTOR = {
     "nz_cmd_g": ("nz_cmd_g", 1.0),
     "nz_ref_g": ("nz_ref_g", 1.0),
@@ -142,18 +145,18 @@ _TRUE_SHARES = {
 
 
 def true_share(estimate: str) -> str:
-    """Return the column of the true K that an estimate is of: ``NAME`` is the elevator's, ``NAME.aileron`` the aileron's."""
+    """Return the column of the true K of an estimate: ``NAME`` estimates the elevator, ``NAME.aileron`` the aileron."""
     return _TRUE_SHARES[surface_of(estimate)]
 
 
 _ROW = (*_FLOWN_FIELDS, *Truth._fields, *Measurement._fields)
-LEADING = len(_FLOWN_FIELDS)  # numbers of a row before the Truth, the Measurement and the Estimates
+LEADING = len(_FLOWN_FIELDS)  # numbers of a row before Truth, Measurement and Estimates
 
 
 def row_width(estimators: int, *, lateral: bool = False, load_factor: bool = False) -> int:
-    """Return how many numbers a sample of a flight with so many estimates is."""
-    beside = (len(_LATERAL_FIELDS) if lateral else 0) + (len(LoadFactorSample._fields) if load_factor else 0)
-    return len(_ROW) + estimators * len(Estimate._fields) + beside
+    """Return the number of floats in a row of a flight with this number of estimates."""
+    optional = (len(_LATERAL_FIELDS) if lateral else 0) + (len(LoadFactorSample._fields) if load_factor else 0)
+    return len(_ROW) + estimators * len(Estimate._fields) + optional
 
 
 @dataclass(frozen=True)
@@ -180,7 +183,7 @@ class Trace:
         return Trace({**self.columns, name: values}, self.estimators)
 
     def since(self, tick: int) -> Trace:
-        """Return the trace from a tick on."""
+        """Return the part of the trace from a tick on."""
         return Trace({name: values[tick:] for name, values in self.columns.items()}, self.estimators)
 
     def to_pandas(self) -> pd.DataFrame:
@@ -220,7 +223,7 @@ def read_trace(path: str | Path) -> Trace:
 
 
 def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz: int) -> Trace:
-    """Gather the samples of a flight into a trace, as they come; no sample is kept."""
+    """Return the trace of a flight's samples; each sample is packed as it arrives and not kept."""
     flown = iter(samples)
     first = next(flown)
     lateral, load_factor = first.lateral is not None, first.load_factor is not None
@@ -230,21 +233,22 @@ def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz:
 
 
 def row_packer(estimators: int, *, lateral: bool = False, load_factor: bool = False) -> Callable[[Sample], bytes]:
-    """Return what packs a sample of a flight with so many estimates into a row as ``from_rows`` takes it apart.
+    """Return a function that packs a sample with this number of estimates into a row in the layout of ``from_rows``.
 
-    Packed at once a row costs half of what its numbers cost one by one in a list.
+    Packing a whole row takes half the time of appending its numbers to a list.
     """
     pack = Struct(f"{row_width(estimators, lateral=lateral, load_factor=load_factor)}d").pack
 
     def row(sample: Sample) -> bytes:
-        tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd, more, pulled = sample
-        told = chain.from_iterable(estimates)
-        pull = pulled if load_factor and pulled is not None else ()
-        if more is None:
-            return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *told, *pull)
-        p_cmd, p_ref, beta_cmd, beta_ref, turning, read, aileron_cmd, rudder_cmd = more
+        tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd, lateral_sample, load_factor_sample = sample
+        estimated = chain.from_iterable(estimates)
+        in_g = load_factor_sample if load_factor and load_factor_sample is not None else ()
+        if lateral_sample is None:
+            return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *estimated, *in_g)
+        p_cmd, p_ref, beta_cmd, beta_ref, lateral_truth, lateral_reading, aileron_cmd, rudder_cmd = lateral_sample
         commands = p_cmd, p_ref, beta_cmd, beta_ref, aileron_cmd, rudder_cmd
-        return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *told, *commands, *turning, *read, *pull)
+        head = tick, q_cmd, q_ref, elevator_cmd
+        return pack(*head, *truth, *measurement, *estimated, *commands, *lateral_truth, *lateral_reading, *in_g)
 
     return row
 
@@ -252,7 +256,7 @@ def row_packer(estimators: int, *, lateral: bool = False, load_factor: bool = Fa
 def from_rows(
     rows: Vector, *, estimators: Sequence[str], control_hz: int, lateral: bool = False, load_factor: bool = False
 ) -> Trace:
-    """Return the trace of packed samples, one after the other."""
+    """Return the trace of consecutive packed rows."""
     groups = [("", _FLOWN, _FLOWN_FIELDS), ("", _TRUTH, Truth._fields), ("", _MEASURED, Measurement._fields)]
     groups += [(f"{name}.", _ESTIMATED, Estimate._fields) for name in estimators]
     groups += [("", _LATERAL, _LATERAL_FIELDS)] if lateral else []

@@ -1,4 +1,4 @@
-"""Readings to try an estimator with: flights of the exact linear plant, and what no flight gives."""
+"""Test readings for estimators: flights of the exact linear plant, and readings outside the range of any flight."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ FAILS_AT = 150  # tick at which K drops to 0.5
 
 
 def readings_of_flights(onboard: OnBoard) -> dict[str, list[Measurement]]:
-    """Fly the exact linear plant, the law corrected by the true K, so that no flight departs; six seconds each, by name."""
+    """Return flight name -> readings of six seconds on the exact linear plant; the true K corrects the law, so that no flight departs."""
     noise, silence = onboard.noise, SensorNoise(0.0, 0.0)
     loud = replace(noise, alpha_rad=20.0 * noise.alpha_rad, q_rad_s=20.0 * noise.q_rad_s)
     return {
-        "healthy": _flown(onboard, noise, 1.0, moving=True),
-        "K drops to 0.5": _flown(onboard, noise, 0.5, moving=True),
-        "nothing moves": _flown(onboard, silence, 1.0, moving=False),
-        "very noisy": _flown(onboard, loud, 0.5, moving=True),
+        "healthy": _readings(onboard, noise, 1.0, moving=True),
+        "K drops to 0.5": _readings(onboard, noise, 0.5, moving=True),
+        "nothing moves": _readings(onboard, silence, 1.0, moving=False),
+        "very noisy": _readings(onboard, loud, 0.5, moving=True),
     }
 
 
-def _flown(onboard: OnBoard, noise: SensorNoise, effectiveness: float, *, moving: bool) -> list[Measurement]:
+def _readings(onboard: OnBoard, noise: SensorNoise, effectiveness: float, *, moving: bool) -> list[Measurement]:
     design, hz = onboard.design, onboard.control_hz
-    asked = doublet(amplitude_rad_s=5.0 * DEG, period_s=3.0, count=2) if moving else none()
+    command = doublet(amplitude_rad_s=5.0 * DEG, period_s=3.0, count=2) if moving else none()
     flight = loop.Flight(
         plant=LinearPlant(design, control_hz=hz, airspeed_m_s=252.8, mach=0.8, altitude_m=20000 * FT),
         sensors=Sensors(noise, ticks=_TICKS, seed=np.random.SeedSequence(0)),
-        profile=profile(asked, ticks=_TICKS, control_hz=hz, filter_rad_s=3.0),
+        profile=profile(command, ticks=_TICKS, control_hz=hz, filter_rad_s=3.0),
         health=weakened(healthy, to=effectiveness, at_tick=FAILS_AT),
         law=Proportional(
             design_proportional(design),
@@ -56,12 +56,13 @@ def _flown(onboard: OnBoard, noise: SensorNoise, effectiveness: float, *, moving
         ),
         estimators=[],
         alpha_trim_rad=design.alpha_trim_rad,
+        control_hz=hz,
     )
     return [sample.measurement for sample in loop.fly(flight)]
 
 
-def beyond(plain: Measurement) -> dict[str, list[Measurement]]:
-    """Return readings that no flight gives: nothing at all, and far too much."""
+def out_of_range_readings(plain: Measurement) -> dict[str, list[Measurement]]:
+    """Return name -> readings outside the range of any flight: all zero, and +-0.6 rad, +-4 rad/s at +-0.5 rad of elevator."""
     where = plain._replace(theta_rad=0.0, phi_rad=0.0)
     zero = where._replace(alpha_rad=0.0, q_rad_s=0.0, elevator_rad=0.0, elevator_mean_rad=0.0)
     large = where._replace(alpha_rad=0.6, q_rad_s=4.0, elevator_rad=-0.5, elevator_mean_rad=-0.5)

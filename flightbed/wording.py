@@ -1,4 +1,4 @@
-"""A problem that a scenario's validation found -> the words for it."""
+"""Messages for the problems that pydantic's validation of a scenario finds."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 
 def message(item: Any) -> str:
-    """Return what is wrong, in a few words: "must be a number"."""
+    """Return the message of a problem, such as "must be a number"."""
     return _MESSAGES.get(item["type"], _plain)(item)
 
 
 def brief(value: Any) -> str:
-    """Return a value as a message shows it, cut to 40 characters."""
+    """Return the text of a value in a message, cut to 40 characters."""
     text = (
         re.sub(r"[()]", lambda m: "[" if m[0] == "(" else "]", repr(value).replace(",)", ")"))
         if isinstance(value, tuple)

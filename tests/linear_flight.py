@@ -51,5 +51,6 @@ def fly_linear(
         adaptation=Adaptation(enabled=adapt, estimator=0, floor=0.08, feedback="effective", min_rad=-1e3, max_rad=1e3),
         estimators=[estimator],
         alpha_trim_rad=design.alpha_trim_rad,
+        control_hz=100,
     )
     return list(fly(flight)), estimator

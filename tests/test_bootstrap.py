@@ -1,4 +1,4 @@
-"""Intervals by resampling: scipy's of the same data, the same for the same seed, and how often they hold what they should."""
+"""Bootstrap intervals: against scipy on the same data, reproducible by seed, coverage."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flightbed.statistics import Interval, quantile_interval
 
 
 def test_the_interval_of_a_mean_is_scipys_bca(rng: np.random.Generator) -> None:
-    """Both have the error of their resamples: an end at the 2.5th percentile of 2000 lies within a sixth of a standard error, 4 sigma."""
+    """Both have resampling error: an end at the 2.5th percentile of 2000 resamples lies within a sixth of a standard error (4 sigma)."""
     data = rng.exponential(size=40)
     found = mean_interval(data.tolist(), 1, "x")
     theirs = bootstrap((data,), np.mean, n_resamples=50_000, method="BCa", rng=rng).confidence_interval
@@ -22,14 +22,14 @@ def test_the_interval_of_a_mean_is_scipys_bca(rng: np.random.Generator) -> None:
     assert (found.low, found.high) == pytest.approx((theirs.low, theirs.high), abs=tolerance)
     assert (found.estimate, found.runs) == (np.mean(data), 40)
     plain = bootstrap((data,), np.mean, n_resamples=50_000, method="percentile", rng=rng).confidence_interval
-    assert found.high > plain.high + 0.5 * tolerance / 4.0  # the skewness is heeded
+    assert found.high > plain.high + 0.5 * tolerance / 4.0  # the interval follows the skewness
 
 
 def test_the_interval_of_a_percentile_is_scipys(rng: np.random.Generator) -> None:
     data = rng.normal(size=81)
     found = percentile_interval(data.tolist(), 50.0, 1, "x")
     theirs = bootstrap((data,), np.median, n_resamples=20_000, method="percentile", rng=rng).confidence_interval
-    # The median of resamples is one of the values near the middle: the ends agree to a few neighbours.
+    # The median of a resample is one of the central values: the ends agree within a few order statistics.
     ordered = np.sort(data)
     for ours, other in ((found.low, theirs.low), (found.high, theirs.high)):
         assert abs(int(np.searchsorted(ordered, ours)) - int(np.searchsorted(ordered, other))) <= 2
@@ -57,8 +57,8 @@ def test_resamples_in_pieces_are_those_at_once(monkeypatch: pytest.MonkeyPatch) 
     assert mean_interval(data, 3, "x") == at_once
 
 
-def test_the_interval_of_a_mean_holds_it_about_as_often_as_it_says(rng: np.random.Generator) -> None:
-    """Of 40 normal values 500 times: the share lies within the 99.9 % range of a coverage from 0.91 to 0.97."""
+def test_the_coverage_of_the_interval_of_a_mean_is_near_nominal(rng: np.random.Generator) -> None:
+    """500 samples of 40 normal values: the share lies within the 99.9 % range of a coverage from 0.91 to 0.97."""
     held = 0
     for i in range(500):
         found = mean_interval(rng.normal(size=40).tolist(), i, "x")
@@ -67,10 +67,8 @@ def test_the_interval_of_a_mean_holds_it_about_as_often_as_it_says(rng: np.rando
 
 
 @pytest.mark.parametrize("percent", [5, 95])
-def test_a_tails_interval_by_resampling_holds_too_little_and_the_exact_one_enough(
-    rng: np.random.Generator, percent: int
-) -> None:
-    """Why the exact one goes first: of 100 exponential values 300 times."""
+def test_resampling_undercovers_in_a_tail_and_the_exact_interval_covers(rng: np.random.Generator, percent: int) -> None:
+    """The reason to prefer the exact interval: 300 samples of 100 exponential values."""
     truth, by_resampling, exact = float(expon.ppf(percent / 100)), 0, 0
     for i in range(300):
         data = rng.exponential(size=100).tolist()
@@ -92,19 +90,19 @@ def test_the_exact_interval_of_a_quantile_is_scipys_quantile_test(rng: np.random
 
 @pytest.mark.parametrize("n", [60, 71, 72, 73])
 def test_the_exact_interval_of_a_tail_needs_72_values(n: int) -> None:
-    """So many that all lie on one side of it with at most 2.5 %: 0.95^72 = 0.0249."""
+    """72 values all lie on one side of the quantile with at most 2.5 %: 0.95^72 = 0.0249."""
     found = quantile_interval(np.arange(float(n)).tolist(), 0.95)
     assert np.isfinite(found.high) == (n >= 72)
     assert np.isfinite(found.low)
 
 
-def test_a_quantity_that_never_happened_somewhere_has_no_mean() -> None:
+def test_a_quantity_with_missing_values_has_no_mean() -> None:
     happened = Quantity("x", tuple(float(v) for v in range(20)), seed=4)
     assert happened.mean == mean_interval(list(range(20)), 4, "x")
-    told = happened.to_dict()
-    assert told["mean"] == 9.5
-    assert told["mean_low"] == happened.mean.low  # type: ignore[union-attr]
-    assert told["p95_high"] is None  # of 20 flights
+    row = happened.to_dict()
+    assert row["mean"] == 9.5
+    assert row["mean_low"] == happened.mean.low  # type: ignore[union-attr]
+    assert row["p95_high"] is None  # of 20 flights
     never = Quantity("x", (1.0, np.inf, 2.0))
     assert never.mean is None
     assert never.to_dict()["mean"] is None

@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound against a batch least-squares covariance that is computed another way."""
+"""The Cramer-Rao bound against independently computed batch least-squares covariances."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flightbed.units import DEG, FT
 
 
 def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator) -> None:
-    """Sensitivities by differences of whole simulated records, covariance by numpy's pseudo-inverse."""
+    """Sensitivities are differences of simulated records; the covariance is numpy's pseudo-inverse."""
     T, r = 40, np.array([2.7e-7, 3.7e-6])
     models = np.zeros((T, 2, 4))
     for model in models:
@@ -51,7 +51,7 @@ def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator)
 def test_round_off_does_not_grow_with_the_stretch_of_an_unstable_aircraft(
     rng: np.random.Generator, seconds: int
 ) -> None:
-    """Against the sum and its inverse in as many digits as it takes: what the first state does grows by up to e^60 here."""
+    """Against the sum and its inverse in sufficient precision: the effect of the first state grows by up to e^60 here."""
     T, std = 100 * seconds, (5e-4, 2e-3)
     A, b, u = expm(0.01 * np.array([[-1.0, 1.0], [4.0, -1.0]])), (5e-4, -0.14), (0.1 * rng.standard_normal(T)).tolist()
     models = np.zeros((T, 2, 4))
@@ -76,21 +76,21 @@ def test_round_off_does_not_grow_with_the_stretch_of_an_unstable_aircraft(
 
 @pytest.fixture(scope="module")
 def losing() -> Result:
-    """The F-16, on its schedule, losing its elevator at tick 450."""
+    """The F-16 on its schedule, with an elevator loss at tick 450."""
     return run(load_scenario("elevator-loss", ["duration_s=6"]))
 
 
 def test_models_on_the_schedule_are_its_tangents_along_the_true_motion(losing: Result) -> None:
-    """By scipy's matrix exponential of the rates at the period's start, with the deflection and the K of that period.
+    """Against scipy's matrix exponential of the rates at the start of the period, with the deflection and the K of that period.
 
-    The model's series of [A | b | c] dt is cut after |A dt|^2 / 6 of it; the rest is |A dt|^3 / 24, and a twentieth of that for what
-    follows, with |A dt| below 0.2.
+    The model truncates the series of [A | b | c] dt after |A dt|^2 / 6; the remainder is |A dt|^3 / 24, and a twentieth of this for
+    the higher orders, with |A dt| below 0.2.
     """
     trace, schedule = losing.trace, losing.plan.schedule
     assert schedule is not None
     models = schedule_models(trace, schedule, control_hz=100)
     packed, rates = schedule.packed(), np.zeros((2, 4))
-    assert not models[0].any()  # no period ends there
+    assert not models[0].any()  # no period ends at tick 0
     for k in (1, 200, 449, 450, 451, 452, 500, 599):
         K, u = trace["effectiveness_true"][k - 1], trace["elevator_mean_meas_deg"][k] * DEG
         alpha, q, theta, phi = (trace[c][k - 1] * DEG for c in ("alpha_deg", "q_deg_s", "theta_deg", "phi_deg"))
@@ -108,9 +108,9 @@ def test_models_on_the_schedule_are_its_tangents_along_the_true_motion(losing: R
 
 
 def test_models_on_the_schedule_reproduce_the_motion(losing: Result) -> None:
-    """x+ = A x + b K u + c, where the aircraft does what its tables say; far better than the model of trim.
+    """x+ = A x + b K u + c holds where the aircraft agrees with its tables, far better than the model at trim.
 
-    The median error of pitch rate in a period is that of the schedule, 0.05 deg/s^2 (see test_schedule), of alpha 0.02 deg/s.
+    The median error of the pitch rate in a period is that of the schedule, 0.05 deg/s^2 (see test_schedule), that of alpha 0.02 deg/s.
     """
     trace, schedule = losing.trace, losing.plan.schedule
     assert schedule is not None
@@ -128,7 +128,7 @@ def test_models_on_the_schedule_reproduce_the_motion(losing: Result) -> None:
     assert np.all(errors(design_models(trace, losing.plan.design, control_hz=100)) > 5 * scheduled)
 
 
-def test_more_data_say_more_and_a_change_begins_anew(losing: Result) -> None:
+def test_the_bound_decreases_with_data_and_restarts_at_a_change(losing: Result) -> None:
     assert losing.plan.schedule is not None
     noise = sensor_noise(losing.plan.scenario)
     models = schedule_models(losing.trace, losing.plan.schedule, control_hz=100)
@@ -136,13 +136,15 @@ def test_more_data_say_more_and_a_change_begins_anew(losing: Result) -> None:
     window = bound(losing.trace, models, noise, window=30)
     assert np.all(everything <= window * (1 + 1e-9))
     assert np.all(np.diff(everything[455:]) <= 1e-12)
-    assert np.isinf(everything[450]) or everything[450] < everything[451]  # at the change the old stretch still counts
+    assert (
+        np.isinf(everything[450]) or everything[450] < everything[451]
+    )  # the sample at the change belongs to the old stretch
     assert everything[452] > 10 * everything[450]
     assert np.array_equal(losing.trace["effectiveness_bound"], window)
 
 
 @pytest.mark.parametrize("window", [1, 30])
-def test_a_window_is_the_last_so_many_periods_and_nothing_before_a_change(losing: Result, window: int) -> None:
+def test_a_window_holds_the_last_periods_since_the_change(losing: Result, window: int) -> None:
     """Against the covariance of a least-squares fit to the readings of that stretch alone, by a QR of its sensitivities."""
     trace, schedule, noise = losing.trace, losing.plan.schedule, sensor_noise(losing.plan.scenario)
     assert schedule is not None
@@ -151,21 +153,21 @@ def test_a_window_is_the_last_so_many_periods_and_nothing_before_a_change(losing
     u = trace["elevator_mean_meas_deg"] * DEG
     weights = 1.0 / np.array([noise.alpha_rad, noise.q_rad_s])
     for k in (40, 300, 449, 450, 451, 452, 470, 479, 480, 481, 599):
-        first = max(0, k - window, 450 if k > 450 else 0)  # what acts from 450 on is read at 451 for the first time
+        first = max(0, k - window, 450 if k > 450 else 0)  # K from tick 450 on affects the reading at 451 first
         S, rows = np.eye(2, 3), []
         for j in range(first, k + 1):
             if j > first:
                 S = models[j, :, :2] @ S
                 S[:, 2] += models[j, :, 2] * u[j]
             rows.append(weights[:, None] * S)
-        # The last of the triangle is what K's column has left, orthogonal to those of the state.
+        # The last diagonal element of the triangle is the part of K's column orthogonal to those of the state.
         left = abs(np.linalg.qr(np.vstack(rows), mode="r")[2, 2])
         assert found[k] == pytest.approx(1.0 / left, rel=1e-6), k
 
 
 @pytest.fixture(scope="module")
 def thesis() -> Result:
-    """The thesis's aircraft in its doublets, nothing failing, flown by a fixed law."""
+    """The thesis's aircraft in doublets without failure, under a fixed law."""
     return run(load_scenario("thesis-loss", ["failures=[]", "adaptation.enabled=false", "duration_s=6"]))
 
 
@@ -180,10 +182,10 @@ def test_models_of_a_linear_flight_are_the_discrete_matrices(thesis: Result) -> 
 
 
 def test_models_of_a_linear_flight_reproduce_its_motion(thesis: Result) -> None:
-    """x+ = A x + b u along the true motion, u the mean over the period: off by what u varies in it, dt^3 |A b u'| / 12.
+    """x+ = A x + b u along the true motion, u the mean over the period; the error by the variation of u is dt^3 |A b u'| / 12.
 
-    The largest u' is that after a step of the command: 1.1 times its mean over the period, as it decays with exp(-20 t); another tenth
-    for the next order of A dt. With the mean of the period before the error is another.
+    The largest u' follows a step of the command: 1.1 times its mean over the period, because it decays with exp(-20 t); another tenth
+    for the next order of A dt. With the mean of the previous period the error is larger.
     """
     trace, design, dt = thesis.trace, thesis.plan.design, 0.01
     models = design_models(trace, design, control_hz=100)[1:]
@@ -196,18 +198,18 @@ def test_models_of_a_linear_flight_reproduce_its_motion(thesis: Result) -> None:
     assert np.all(np.abs(free + models[:, :, 2] * u[:-1, None] - x[1:]).max(axis=0) > 5 * bounds)
 
 
-def test_the_affine_term_is_that_of_the_trim_deflection(design: ShortPeriod, thesis: Result) -> None:
+def test_the_affine_term_comes_from_the_trim_deflection(design: ShortPeriod, thesis: Result) -> None:
     """At trim, with full effectiveness, the model stays at rest."""
     (model, *_) = design_models(thesis.trace, design, control_hz=100)
     assert design.elevator_trim_rad != 0.0
     assert model[:, 2] * design.elevator_trim_rad + model[:, 3] == pytest.approx([0.0, 0.0], abs=1e-17)
 
 
-def test_the_bound_is_the_covariance_of_the_joint_filter_that_knows_nothing_beforehand(thesis: Result) -> None:
-    """Readings from the first on, no process noise, the same u: filter and bound then weigh the same information.
+def test_the_bound_equals_the_covariance_of_the_joint_filter_without_prior(thesis: Result) -> None:
+    """All readings, no process noise, the same u: filter and bound use the same information.
 
-    The filter starts from the first reading and its variances, so that it has used it, and with a variance of K of 1e4. Against that of
-    the bound, 1e-2 and less where they are compared, this prior is worth 1e-6 of the variance or less; round-off is smaller.
+    The filter starts from the first reading and its variances, and with a variance of K of 1e4. The bound is at most 1e-2 where they are
+    compared, so this prior changes the variance by at most 1e-6 of its value; round-off is smaller.
     """
     trace, noise = thesis.trace, sensor_noise(thesis.plan.scenario)
     A, b = thesis.plan.design.discrete(100)
@@ -219,7 +221,7 @@ def test_the_bound_is_the_covariance_of_the_joint_filter_that_knows_nothing_befo
     u = trace["elevator_mean_meas_deg"][1:] * DEG
     filtered = estimate_record(A, b, np.eye(2), Q=np.zeros((2, 2)), R=R, u=u, z=z[1:], x0=np.append(z[0], 1.0), P0=P0)
     sigma = np.sqrt(filtered.P[:, 2, 2])
-    told = sigma < 0.1
-    assert told.sum() > 500
-    assert found[1:][told] == pytest.approx(sigma[told], rel=1e-6)
-    assert sigma[-1] < 0.01 < sigma[told].max()
+    observable = sigma < 0.1
+    assert observable.sum() > 500
+    assert found[1:][observable] == pytest.approx(sigma[observable], rel=1e-6)
+    assert sigma[-1] < 0.01 < sigma[observable].max()

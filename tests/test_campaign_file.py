@@ -120,7 +120,7 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
     [
         ('[[axes]]\nkey = "condition.mach"\n', "axes.0: needs values, or from, to and count, or distribution"),
         (K.replace("count = 3", ""), "axes.0: 'from' needs count too"),
-        (MACH + "low = 1.0\n", "axes.0: low: cannot go with 'values'"),
+        (MACH + "low = 1.0\n", "axes.0: low: cannot be combined with 'values'"),
         (DRAWN.replace("high = 1.3", "high = 0.8"), "axes.0: low must be below high (got 0.9 and 0.8)"),
         (DRAWN.replace("mean = 1.0", "mean = 2.0"), "axes.0: mean must lie between low and high (got 2)"),
         (MACH + MACH, "axes: condition.mach is varied twice"),
@@ -135,7 +135,7 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
         ('[[criteria]]\nmetric = "departd"\nequals = false\n', "criteria.0.metric: there is no metric 'departd'; did you mean departed?"),
         ('[[criteria]]\nmetric = "departed"\n', "criteria.0: needs equals, min or max"),
         ('[traces]\nkeep = "chosen"\nindices = [7]\n', "traces.indices: must be below 3, the number of flights (got 7)"),
-        ('combine = "paired"\n' + MACH + K, "axes: combine = 'paired' needs as many values of each (got condition.mach 2, failures.0.to 3)"),
+        ('combine = "paired"\n' + MACH + K, "axes: combine = 'paired' needs the same number of values for every key (got condition.mach 2, failures.0.to 3)"),
     ],
 )  # fmt: skip
 def test_problems_name_place_value_and_cure(tmp_path: Path, text: str, problem: str) -> None:

@@ -1,4 +1,4 @@
-"""Keys of the thesis's experiment: what contradicts, and what another key leaves without effect."""
+"""Checks between keys: contradictions, and keys without effect under another setting."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ PLACE = "scenarios/thesis-loss.toml"
 @pytest.mark.parametrize(
     ("overrides", "problems"),
     [
-        (["control.poles=[[-1,0],[-5,5],[-5,-5]]"], [f"{PLACE}: control.poles: cannot go with control.gains, which are not designed; give one of them"]),
-        (["control.state_from=windw"], [f"{PLACE}: control.state_from: no estimator is named 'windw'; did you mean window?; there is: window, expanding"]),
-        (["control.state_from=x", "adaptation.enabled=false", "estimators=[]"], [f"{PLACE}: control.state_from: no estimator is named 'x'; there is: none"]),
+        (["control.poles=[[-1,0],[-5,5],[-5,-5]]"], [f"{PLACE}: control.poles: cannot be combined with control.gains, which replace the design; give one of them"]),
+        (["control.state_from=windw"], [f"{PLACE}: control.state_from: no estimator is named 'windw'; did you mean window?; known: window, expanding"]),
+        (["control.state_from=x", "adaptation.enabled=false", "estimators=[]"], [f"{PLACE}: control.state_from: no estimator is named 'x'; known: none"]),
         (["control.gains.q=1"], ["--set: unknown key control.gains.q; did you mean q_s?"]),
         (["estimators.0.input_at=middle"], ["--set estimators.0.input_at: must be 'mean', 'start' or 'end' (got 'middle')"]),
         (["estimators.0.prior.first_reading=kept"], ["--set estimators.0.prior.first_reading: must be 'left-out' or 'used' (got 'kept')"]),
@@ -45,13 +45,13 @@ def test_each_problem_is_one_line_with_place_value_and_cure(overrides: list[str]
     assert list(caught.value.problems) == problems
 
 
-def test_a_gain_that_is_missing_is_named() -> None:
+def test_the_error_names_a_missing_gain() -> None:
     with pytest.raises(ScenarioError) as caught:
         load_scenario("nominal", ["control.gains={alpha=1, q_s=1, elevator=0}"])
     assert [p.partition(": ")[2] for p in caught.value.problems] == ["control.gains.reference_s: is missing"]
 
 
-def test_the_same_keys_are_welcome_where_they_act() -> None:
+def test_the_same_keys_are_accepted_where_they_have_an_effect() -> None:
     sets = ["control.law=proportional-integral", "control.gains.integral=-3", "control.state_from=expanding"]
     sets += ["estimators.0.input_at=start", "estimators.0.prior.first_reading=used", "process_noise.q_std_deg_s2=1"]
     idle = idle_keys(load_scenario("thesis-loss", sets))
@@ -102,7 +102,7 @@ def test_keys_of_three_surfaces_and_of_the_two_stage_filter(overrides: list[str]
     assert any(text.endswith(problem) for text in caught.value.problems), caught.value.problems
 
 
-def test_a_two_stage_filter_without_a_word_about_it_forgets_as_it_should() -> None:
+def test_the_default_memory_of_a_two_stage_filter_is_variable() -> None:
     named = {"adaptation.estimator=two", "estimators.0={name='two', kind='two-stage'}"}
     (first, *_) = load_scenario("elevator-loss", sorted(named)).estimators
     assert (first.memory, first.window) == ("variable", 3)
@@ -110,7 +110,7 @@ def test_a_two_stage_filter_without_a_word_about_it_forgets_as_it_should() -> No
     assert again == first
 
 
-def test_the_keys_of_the_two_stage_filter_are_welcome_where_they_act() -> None:
+def test_the_keys_of_the_two_stage_filter_are_accepted_where_they_have_an_effect() -> None:
     keys = (
         "window",
         "variance_min",
@@ -128,7 +128,7 @@ def test_the_keys_of_the_two_stage_filter_are_welcome_where_they_act() -> None:
     assert "estimators.0.forgetting" not in idle_keys(faded)
 
 
-def test_code_of_the_users_own_is_named_where_it_commands_roll_or_sideslip() -> None:
+def test_external_roll_and_sideslip_commands_are_listed_only_with_lateral_axes() -> None:
     def mine(_settings: object) -> Callable[[np.ndarray], np.ndarray]:
         return lambda t_s: np.where(t_s >= 0.5, 0.1, 0.0)
 

@@ -1,4 +1,4 @@
-"""Excitation: against the definition, and the sigma of K that it promises against the Cramer-Rao bound of a plain double integrator."""
+"""Excitation: against its definition, and its sigma of K against the Cramer-Rao bound of a double integrator."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ def test_it_does_not_depend_on_the_control_rate() -> None:
     t = np.arange(0.0, 3.0, 1 / 400)
     fine = excitation_deg_s2(np.sin(t), m_delta=10.0, control_hz=400)
     coarse = excitation_deg_s2(np.sin(t[::4]), m_delta=10.0, control_hz=100)
-    np.testing.assert_allclose(coarse[60:], fine[::4][60:], atol=0.05)  # their samples lie 3.75 ms apart in the mean
+    np.testing.assert_allclose(coarse[60:], fine[::4][60:], atol=0.05)  # their samples are 3.75 ms apart on average
 
 
-def test_nothing_moves_nothing() -> None:
+def test_the_excitation_without_motion_is_zero() -> None:
     np.testing.assert_array_equal(excitation_deg_s2(np.zeros(40), m_delta=5.0, control_hz=100), 0.0)
 
 
-def test_sigma_of_k_is_what_the_docstring_says() -> None:
-    """q' = K e: readings of q over N ticks from a known start tell K with sigma_q / (e T sqrt(N/3))."""
+def test_sigma_of_k_agrees_with_the_docstring() -> None:
+    """q' = K e: readings of q over N ticks from a known start give sigma of K = sigma_q / (e T sqrt(N/3))."""
     sigma_q, e, hz, n = 0.1, 40.0, 1000, 300
     t = np.arange(1, n + 1) / hz
     information = np.sum((e * t) ** 2) / sigma_q**2

@@ -1,4 +1,4 @@
-"""docs/extending.md stays true: its files are written, and its commands are run, in the order in which it shows them."""
+"""docs/extending.md stays correct: the tests write its files and run its commands in the order of the page."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ def _run(line: str, folder: Path) -> str:
 
 def _python(text: str, folder: Path) -> str:
     with _there(folder) as printed, pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(folder)  # as for a script that lies there
+        patch.syspath_prepend(folder)  # like a script in that folder
         exec(compile(text, "extending.md", "exec"), {})
     return printed.getvalue()
 
 
 def _install(project: str, folder: Path) -> None:
-    """Do what an installer does with a project of one module: the module, and metadata with its entry points."""
+    """Install a project of one module: the module, and metadata with its entry points."""
     table = tomllib.loads(project)["project"]
     info = folder / "installed" / f"{table['name'].replace('-', '_')}-{table['version']}.dist-info"
     info.mkdir(parents=True)
@@ -74,12 +74,12 @@ def _install(project: str, folder: Path) -> None:
     ]
     info.joinpath("entry_points.txt").write_text("\n".join(lines) + "\n")
     for module in {value.partition(":")[0] for entries in groups.values() for value in entries.values()}:
-        (folder / f"{module}.py").rename(folder / "installed" / f"{module}.py")  # found there, and there only
+        (folder / f"{module}.py").rename(folder / "installed" / f"{module}.py")  # importable from there only
 
 
 @pytest.fixture(scope="module")
 def outputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What each command of the page prints."""
+    """Output of each command of the page."""
     folder, printed = tmp_path_factory.mktemp("extending"), {}
     for language, text in BLOCKS:
         named = re.match(r"# (\S+\.(?:py|toml))\n", text)
@@ -118,7 +118,7 @@ def test_every_command_of_the_page_flies(outputs: dict[str, str]) -> None:
     assert 0.0 < float(outputs["python"]) < 0.1
 
 
-def test_what_the_page_shows_does_what_it_says(outputs: dict[str, str]) -> None:
+def test_the_examples_of_the_page_have_the_described_results(outputs: dict[str, str]) -> None:
     runs = Path(outputs["folder"]) / "runs"
     options = []
     for name in ("my-filter", "my-filter-2"):
@@ -145,6 +145,6 @@ def test_what_the_page_shows_does_what_it_says(outputs: dict[str, str]) -> None:
     )
 
 
-def test_the_table_of_the_page_tells_every_place_that_names_code() -> None:
+def test_the_table_of_the_page_lists_every_key_that_names_code() -> None:
     rows = re.findall(r"^\| `([a-z.]+)` \|", PAGE, flags=re.MULTILINE)
     assert rows == ["estimators.kind", "control.law", "failures.kind", "command.kind"]

@@ -1,4 +1,4 @@
-"""Code of the user's own: flown where it was permitted by name and nowhere else, and blamed by file and line."""
+"""External code: flown only with permission by name; its errors name file and line."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ Path("imported").touch()
 
 
 class Fixed:
-    """Says the same of K all the time."""
+    """Constant estimate of K."""
 
     def __init__(self, settings, onboard):
         self.k, self.ticks = settings.options["k"], 0
@@ -62,7 +62,7 @@ OWN = ["estimators.0.kind=own_filter:Fixed", "estimators.0.options.k=0.7"]
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A working directory with own_filter.py in it; what is imported there is forgotten afterwards."""
+    """A working directory with own_filter.py; modules imported from it are removed afterwards."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own_filter.py").write_text(FILTER)
     before = set(sys.modules)
@@ -108,8 +108,8 @@ def test_every_place_that_names_code_asks_for_permission(key: str, family: str) 
         registry.factory(family, "a:b")
 
 
-def test_permitted_it_flies_and_the_run_tells_what_flew(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # as the installed command: the working directory is not on sys.path
+def test_permitted_code_flies_and_the_run_lists_it(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # like the installed command: the working directory is not on sys.path
     permit = ["--use", "own_filter:Fixed"]
     done = command_line("run", "nominal", *_sets(*QUICK, *OWN), *permit, "--rerun", "off", "--out", "x", cwd=here)
     assert done.returncode == 0, done.stderr
@@ -130,7 +130,7 @@ def test_a_run_without_own_code_says_so() -> None:
     assert flightbed.run(load_scenario("nominal", QUICK)).summary.extensions == ()
 
 
-def test_a_use_that_is_not_named_is_refused(here: Path) -> None:
+def test_a_use_that_the_scenario_does_not_name_is_an_error(here: Path) -> None:
     with pytest.raises(InputError) as caught:
         cli.app(["run", "nominal", *_sets(*QUICK), "--use", "own_filter:Fixed"])
     assert str(caught.value) == (
@@ -145,7 +145,7 @@ def test_a_use_that_is_not_named_is_refused(here: Path) -> None:
             check_named(scenario, ["own_filter.py:Fixed"])
 
 
-def test_permission_ends_where_it_was_given(here: Path) -> None:
+def test_permission_ends_with_its_block(here: Path) -> None:
     with using("own_filter:Fixed"):
         scenario = load_scenario("nominal", [*QUICK, *OWN])
         found: list[int] = []
@@ -161,7 +161,7 @@ def test_permission_ends_where_it_was_given(here: Path) -> None:
         flightbed.run(scenario)
 
 
-# Finding it
+# Import
 
 
 @pytest.mark.parametrize(
@@ -170,22 +170,22 @@ def test_permission_ends_where_it_was_given(here: Path) -> None:
         ("own_filter", "own code own_filter: must be module:Attribute or path/to/file.py:Attribute, for example my_filter:MyFilter"),
         ("own_filter:", "own code own_filter:: must be module:Attribute or path"),
         (":Fixed", "own code :Fixed: must be module:Attribute or path"),
-        ("own_filtr:Fixed", "own code own_filtr:Fixed: there is no module 'own_filtr', neither installed nor in the working directory; check the name, or give the file, as in path/to/my_filter.py:MyFilter"),
-        ("own.filter:Fixed", "own code own.filter:Fixed: there is no module 'own', neither"),
+        ("own_filtr:Fixed", "own code own_filtr:Fixed: module 'own_filtr' is neither installed nor in the working directory; check the name, or give the file, as in path/to/my_filter.py:MyFilter"),
+        ("own.filter:Fixed", "own code own.filter:Fixed: module 'own' is neither"),
         ("own_filtr.py:Fixed", "own code own_filtr.py:Fixed: own_filtr.py cannot be read: No such file or directory"),
         ("own_filter:Fixd", "own code own_filter:Fixd: {here}/own_filter.py has no 'Fixd'; did you mean Fixed?"),
         ("own_filter.py:Fixed.make", "own code own_filter.py:Fixed.make: {here}/own_filter.py has no 'make'; check the name"),
-        ("constant:K", "own code constant:K: is a float, which cannot be called; name a class or a function"),
+        ("constant:K", "own code constant:K: is a float, which is not callable; name a class or a function"),
         ("needs:X", "own code needs:X: cannot be imported: needs.py:3: ModuleNotFoundError: No module named 'no_such_package'"),
         ("wrong.py:X", "own code wrong.py:X: cannot be imported: wrong.py:2: SyntaxError: invalid syntax"),
         ("wrong:X", "own code wrong:X: cannot be imported: wrong.py:2: SyntaxError: invalid syntax"),
         ("fails:X", "own code fails:X: cannot be imported: fails.py:1: ZeroDivisionError: division by zero"),
         ("quits.py:X", "own code quits.py:X: cannot be imported: quits.py:2: SystemExit: 3"),
-        ("control:Mine", "own code control:Mine: the module 'control' that is found first ("),
-        ("control:Mine", "has no 'Mine'; if you mean the file here, name it control.py:Mine"),
+        ("control:Mine", "own code control:Mine: module 'control' was imported from "),
+        ("control:Mine", "has no 'Mine'; to use the file in the working directory, name it control.py:Mine"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_used_is_told_in_a_line(here: Path, name: str, message: str) -> None:
+def test_import_errors_are_one_line(here: Path, name: str, message: str) -> None:
     _write("constant.py", "K = 1.0\n")
     _write("needs.py", "import math\n\nimport no_such_package\n")
     _write("wrong.py", "x = 1\nclass X(\n")
@@ -197,7 +197,7 @@ def test_what_cannot_be_used_is_told_in_a_line(here: Path, name: str, message: s
         load(name)
     message = message.replace("{here}", str(here))
     if message == "own code wrong.py:X: cannot be imported: wrong.py:2: SyntaxError: invalid syntax":
-        message = message.partition("invalid")[0]  # the words are Python's
+        message = message.partition("invalid")[0]  # the rest of the message is Python's
     assert message.partition(" invalid syntax")[0] in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
     assert caught.value.exit_code == 2
@@ -205,7 +205,7 @@ def test_what_cannot_be_used_is_told_in_a_line(here: Path, name: str, message: s
     assert not {m for m in set(sys.modules) - modules if m.startswith("flightbed_own") and "own_filter" not in name}
 
 
-def test_own_modules_are_found_in_the_working_directory_and_beside_the_file(here: Path) -> None:
+def test_modules_are_imported_from_the_working_directory_and_beside_the_file(here: Path) -> None:
     (here / "below" / "package").mkdir(parents=True)
     _write("below/package/__init__.py", "")
     _write("below/package/filters.py", "class Kind:\n    class Inner: ...\n")
@@ -222,7 +222,7 @@ def test_own_modules_are_found_in_the_working_directory_and_beside_the_file(here
         load("below.mine:make")
 
 
-def test_a_file_is_run_once_for_each_text_that_it_has_had(here: Path) -> None:
+def test_a_file_is_executed_once_per_text(here: Path) -> None:
     _write(
         "counted.py", "from dataclasses import dataclass\n\n@dataclass\nclass A:\n    x: 'int' = 0\n\nclass B(A): ...\n"
     )
@@ -236,11 +236,11 @@ def test_a_file_is_run_once_for_each_text_that_it_has_had(here: Path) -> None:
     assert not (here / "__pycache__").exists()
 
 
-# Classes at hand
+# Classes given in Python
 
 
 class Still:
-    """Says that K is what its option says, or 1."""
+    """K is the value of an option, or 1."""
 
     def __init__(self, settings: Any, onboard: Any) -> None:
         self.k = settings.options.get("k", 1.0)
@@ -250,7 +250,7 @@ class Still:
 
 
 class Late(Still):
-    """Works for a while."""
+    """Fails after a few ticks."""
 
     ticks = 0
 
@@ -268,7 +268,7 @@ def _late_line() -> int:
     return first + next(i for i, line in enumerate(source) if "raise" in line)
 
 
-def test_classes_at_hand_fly_under_a_name() -> None:
+def test_classes_given_in_python_fly_under_a_name() -> None:
     with using({"still": Still, "also": lambda settings, onboard: Still(settings, onboard)}):
         scenario = load_scenario("nominal", [*QUICK, "estimators.0.kind=still", "estimators.0.options.k=0.25", "estimators.1={name='b', kind='also'}"])  # fmt: skip
         assert [own.name for own in named_by(scenario)] == ["still", "also"]
@@ -287,7 +287,7 @@ def test_classes_at_hand_fly_under_a_name() -> None:
         flightbed.fly(scenario)
 
 
-def test_what_has_no_file_has_no_hash() -> None:
+def test_code_without_a_file_has_no_hash() -> None:
     names: dict[str, Any] = {"Still": Still}
     exec("class Typed(Still): ...", names)
     with using({"typed": names["Typed"], "part": partial(Still)}):
@@ -307,26 +307,26 @@ def test_what_has_no_file_has_no_hash() -> None:
             [Still],
             f'flightbed.using: takes names, "my_filter:MyFilter", or mappings, {{"mine": MyFilter}} (got {[Still]!r})',
         ),
-        ({"mine": 3}, "own code mine: is a int, which cannot be called; give a class or a function"),
+        ({"mine": 3}, "own code mine: is a int, which is not callable; give a class or a function"),
     ],
 )
-def test_names_at_hand_that_cannot_be_used(own: Any, message: str) -> None:
+def test_invalid_names_and_objects_given_in_python(own: Any, message: str) -> None:
     with pytest.raises(ExtensionError) as caught, using(own):
         pass
     assert str(caught.value) == message
 
 
-def test_an_estimator_that_calls_itself_exact_has_no_nees(here: Path) -> None:
+def test_an_estimator_with_zero_std_has_no_nees(here: Path) -> None:
     sets = ["duration_s=1", "failures.0.at_s=0.2", "failures.0.to=0.5", "estimators.1={name='still', kind='still'}"]
     with using("own_filter:Fixed", {"still": Still}):
         metrics = flightbed.run(load_scenario("nominal", [*sets, *OWN])).metrics
-    exact, told = metrics.estimators["scheduled"], metrics.estimators["still"]
+    exact, uncertain = metrics.estimators["scheduled"], metrics.estimators["still"]
     assert exact.nees_mean_post is None
-    assert told.nees_mean_post == pytest.approx(25.0)  # it says 1 +- 0.1 of 0.5
+    assert uncertain.nees_mean_post == pytest.approx(25.0)  # the estimate is 1 +- 0.1, K is 0.5
     assert exact.median_abs_error_post == pytest.approx(0.2)
 
 
-# What fails
+# Errors
 
 
 def _no_arguments() -> None:
@@ -336,12 +336,12 @@ def _no_arguments() -> None:
 @pytest.mark.parametrize(
     ("factory", "message"),
     [
-        (_no_arguments, "own code mine: cannot be built: TypeError: _no_arguments() takes 0 positional arguments but 2 were given; docs/extending.md shows with which arguments it is called"),
-        (lambda settings, onboard: settings.options["gain"], "KeyError: 'there is no option gain; there is: none'"),
-        (lambda settings, onboard: 3, "own code mine: makes a int, which has no method update(); docs/extending.md shows what flies"),
+        (_no_arguments, "own code mine: cannot be built: TypeError: _no_arguments() takes 0 positional arguments but 2 were given; docs/extending.md lists the arguments of each factory"),
+        (lambda settings, onboard: settings.options["gain"], "KeyError: 'no option gain; options: none'"),
+        (lambda settings, onboard: 3, "own code mine: returns a int, which has no method update(); docs/extending.md shows the interface"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_built_is_told_in_a_line(factory: Callable[..., Any], message: str) -> None:
+def test_factory_errors_are_one_line(factory: Callable[..., Any], message: str) -> None:
     with using({"mine": factory}), pytest.raises(ExtensionError) as caught:
         flightbed.run(load_scenario("nominal", [*QUICK, "estimators.0.kind=mine"]))
     assert message in str(caught.value)
@@ -350,23 +350,23 @@ def test_what_cannot_be_built_is_told_in_a_line(factory: Callable[..., Any], mes
 
 @pytest.mark.parametrize(
     ("key", "arguments", "needs"),
-    [("control.law", 3, "has no method demand()"), ("failures.0.kind", 3, "cannot be called"), ("command.kind", 1, "cannot be called")],
+    [("control.law", 3, "has no method demand()"), ("failures.0.kind", 3, "is not callable"), ("command.kind", 1, "is not callable")],
 )  # fmt: skip
-def test_what_other_families_must_make(key: str, arguments: int, needs: str) -> None:
+def test_products_of_factories_of_other_families(key: str, arguments: int, needs: str) -> None:
     made: list[int] = []
 
     def make(*given: Any) -> object:
         made.append(len(given))
         return object()
 
-    with using({"mine": make}), pytest.raises(ExtensionError, match=rf"own code mine: makes a object, which {needs}"):
+    with using({"mine": make}), pytest.raises(ExtensionError, match=rf"own code mine: returns a object, which {needs}"):
         flightbed.run(
             load_scenario("nominal", [*QUICK, f"{key}=mine", *(["failures.0.at_s=0.1"] if "fail" in key else [])])
         )
     assert made == [arguments]
 
 
-def test_what_fails_in_flight_is_told_with_file_line_and_time() -> None:
+def test_errors_in_flight_have_file_line_and_time() -> None:
     line = f"own code late: fails at t = 0.1 s, tick 10: {Path(__file__)}:{_late_line()}: RuntimeError: I am late"
     with using({"late": Late}):
         scenario = load_scenario("nominal", [*QUICK, "estimators.0.kind=late"])
@@ -378,31 +378,31 @@ def test_what_fails_in_flight_is_told_with_file_line_and_time() -> None:
     )
     assert isinstance(caught.value.__cause__, RuntimeError)
     ticks = []
-    with pytest.raises(ExtensionError, match="fails at t = 0.1 s, tick 10"):  # also once the permission is over
+    with pytest.raises(ExtensionError, match="fails at t = 0.1 s, tick 10"):  # also after the permission has ended
         ticks.extend(sample.tick for sample in samples)
     samples = flightbed.fly(load_scenario("nominal", QUICK))
-    with pytest.raises(KeyError):  # no own code, nothing to blame
+    with pytest.raises(KeyError):  # no external code: the exception is unchanged
         raise KeyError(next(samples).tick)
 
 
-def test_what_cannot_be_flown_is_told_with_whose_it_is_and_when() -> None:
+def test_invalid_return_values_have_name_and_time() -> None:
     sets = [*QUICK, "estimators.0.kind=late", "estimators.0.options.k=0.5"]
     adapting = ["adaptation.enabled=true", "adaptation.estimator=scheduled"]
     with using({"late": Late}), pytest.raises(ExtensionError) as caught:
         flightbed.run(load_scenario("nominal", [*sets, *adapting]))
     assert str(caught.value).startswith(
-        "own code late: gave what cannot be flown at t = 0.05 s, tick 5: AttributeError: 'NoneType'"
+        "own code late: returned an invalid value at t = 0.05 s, tick 5: AttributeError: 'NoneType'"
     )
     assert "flightbed.testing.check_estimator" in str(caught.value)
 
 
-def test_a_command_that_gives_nonsense_is_told() -> None:
+def test_an_invalid_command_is_an_error() -> None:
     with using({"mine": lambda settings: lambda t_s: None}), pytest.raises(ExtensionError) as caught:
         flightbed.run(load_scenario("nominal", [*QUICK, "command.kind=mine"]))
-    assert str(caught.value).startswith("own code mine: gave what cannot be flown: TypeError:")
+    assert str(caught.value).startswith("own code mine: returned an invalid value: TypeError:")
 
 
-def test_the_line_is_that_of_the_users_file_even_if_numpy_raises(here: Path) -> None:
+def test_errors_in_numpy_name_the_line_of_the_users_file(here: Path) -> None:
     _write("helper_of_mine.py", "import numpy as np\n\ndef solve():\n    np.linalg.inv(np.zeros((2, 2)))\n")
     _write("law.py", "import helper_of_mine\n\n\ndef law(settings, design, control_hz):\n    helper_of_mine.solve()\n")
     with using("law.py:law"), pytest.raises(ExtensionError) as caught:
@@ -415,8 +415,8 @@ def test_the_line_is_that_of_the_users_file_even_if_numpy_raises(here: Path) -> 
 # Other processes
 
 
-def test_it_flies_in_worker_processes_too(here: Path) -> None:
-    """By name, and at hand if it can be imported there; bit for bit what it is here."""
+def test_external_code_flies_in_worker_processes(here: Path) -> None:
+    """By name, or as an importable object; equal to the last bit to a flight in this process."""
     quick = ["duration_s=1", "estimators=[{name='own', kind='own_filter.py:Fixed', model='short-period', options={k=0.5}}]", "adaptation.estimator=own", "failures=[]"]  # fmt: skip
     with using("own_filter.py:Fixed", {"still": Still, "local": lambda settings, onboard: Still(settings, onboard)}):
         scenario = load_scenario("thesis-loss", [*quick, "control.state_from="])
@@ -472,7 +472,7 @@ def test_options_survive_a_round_trip(options: dict[str, Any]) -> None:
     ]
 
 
-def test_options_are_reached_by_set_in_every_table() -> None:
+def test_set_reaches_options_in_every_table() -> None:
     sets = [
         f"{place}.options.{key}"
         for place in ("estimators.0", "failures.0", "control", "command")
@@ -486,7 +486,7 @@ def test_options_are_reached_by_set_in_every_table() -> None:
     assert scenario.to_toml().count("options]") == 4
 
 
-def test_options_that_are_not_there_are_not_written() -> None:
+def test_empty_options_are_not_written() -> None:
     scenario = load_scenario("elevator-loss")
     assert "options" not in scenario.to_toml()
     assert scenario.control.options == Options() == {}
@@ -496,10 +496,10 @@ def test_options_that_are_not_there_are_not_written() -> None:
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("estimators.0.options.gain=2", "scenarios/elevator-loss.toml: estimators.0.options: kind 'loop-gain' takes none (got gain); only code outside flightbed has options"),
-        ("control.options.gain=2", "scenarios/elevator-loss.toml: control.options: law 'proportional' takes none (got gain); only code outside flightbed has options"),
-        ("failures.0.options.a=2", "scenarios/elevator-loss.toml: failures.0.options: kind 'effectiveness' takes none (got a); only code outside flightbed has options"),
-        ("command.options.a=2", "scenarios/elevator-loss.toml: command.options: kind 'doublet' takes none (got a); only code outside flightbed has options"),
+        ("estimators.0.options.gain=2", "scenarios/elevator-loss.toml: estimators.0.options: kind 'loop-gain' takes no options (got gain); only external code has them"),
+        ("control.options.gain=2", "scenarios/elevator-loss.toml: control.options: law 'proportional' takes no options (got gain); only external code has them"),
+        ("failures.0.options.a=2", "scenarios/elevator-loss.toml: failures.0.options: kind 'effectiveness' takes no options (got a); only external code has them"),
+        ("command.options.a=2", "scenarios/elevator-loss.toml: command.options: kind 'doublet' takes no options (got a); only external code has them"),
         ("command.options=2", "--set command.options: must be a table (got 2)"),
         ("command.options.a.b=2", "scenarios/elevator-loss.toml: command.options.a: must be text, a finite number, true or false, or a list of these (got {'b': 2})"),
         ("command.options.a=inf", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got inf)"),
@@ -507,26 +507,26 @@ def test_options_that_are_not_there_are_not_written() -> None:
         ("command.options.a=1999-12-31", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got datetime.date(1999, 12, 31))"),
     ],
 )  # fmt: skip
-def test_options_that_cannot_be(override: str, message: str) -> None:
+def test_invalid_options(override: str, message: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         load_scenario("elevator-loss", [override])
     assert str(caught.value) == message
 
 
-def test_options_cannot_be_changed_and_tell_what_is_missing() -> None:
+def test_options_are_immutable_and_name_a_missing_key() -> None:
     options = Options({"taps": [1, [2]]})
     assert options["taps"] == (1, (2,))
     with pytest.raises(TypeError):
         options["taps"] = 3  # type: ignore[index]
-    with pytest.raises(KeyError, match="there is no option gain; there is: taps"):
+    with pytest.raises(KeyError, match="no option gain; options: taps"):
         options["gain"]
     assert options.get("gain", 5) == 5
     assert "gain" not in options
     assert repr(options) == "Options({'taps': (1, (2,))})"
 
 
-def test_own_kinds_may_use_every_key() -> None:
-    """Keys that a built-in kind would leave without effect, and is refused."""
+def test_external_kinds_may_use_every_key() -> None:
+    """Keys without effect for a built-in kind, which --set rejects there."""
     estimator = ["estimators.0.forgetting=0.9", "estimators.0.prior.alpha_deg=1"]
     others = ["failures.0.over_s=3", "command.seed=1"]
     with using({"mine": Still}):
@@ -548,16 +548,16 @@ def _says_nan(settings: EstimatorSettings, onboard: OnBoard) -> _SaysNan:
     return _SaysNan(loop_gain_config(settings), onboard)
 
 
-def test_an_estimator_that_says_nan_to_the_law_is_told() -> None:
+def test_a_nan_of_the_correcting_estimator_is_an_error() -> None:
     keys = ["estimators.0.kind=bad", "duration_s=0.5"]
     with using({"bad": _says_nan}):
-        with pytest.raises(EstimateError, match="estimators.0: its smoothed K is nan at tick 0"):
+        with pytest.raises(EstimateError, match="estimators.0: smoothed K is nan at t = 0 s"):
             run(load_scenario("nominal", keys))
         beside = run(load_scenario("nominal", [*keys, "adaptation.enabled=false"]))  # hurts nobody
     assert beside.summary.metrics.estimators["scheduled"].nis_expected == 2.0
 
 
-def test_a_failure_that_leaves_no_number_is_told() -> None:
+def test_a_failure_with_nan_is_an_error() -> None:
     def nothing(settings: object, before: Failing, control_hz: int) -> Failing:
         return lambda tick: before(tick)._replace(effectiveness=float("nan")) if tick >= 20 else before(tick)
 
@@ -566,7 +566,9 @@ def test_a_failure_that_leaves_no_number_is_told() -> None:
         run(load_scenario("elevator-loss", keys))
 
 
-def test_a_file_that_changes_on_the_way_to_a_worker_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_changes_before_a_worker_loads_it_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text("def make(settings, onboard):\n    return 1\n")
     packed = pickle.dumps(load("mine.py:make"))

@@ -1,4 +1,4 @@
-"""Whole flights in compiled code against loop.fly: the same rows to the last bit, whatever the parts."""
+"""Compiled flights against loop.fly: equal rows to the last bit, for every combination of built-in parts."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def _assert_equal(one: Trace, other: Trace) -> None:
         np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
-def _is_of_the_house(name: str) -> bool:
-    """Tell whether a scenario asks for nothing that only ``loop.fly`` flies."""
+def _is_compilable(name: str) -> bool:
+    """Return whether the compiled code supports all settings of a scenario."""
     scenario = load_scenario(name)
     return not (
         scenario.lateral.enabled
@@ -54,7 +54,7 @@ def _is_of_the_house(name: str) -> bool:
     )
 
 
-@pytest.mark.parametrize("name", [n for n in data.names("scenario") if _is_of_the_house(n)])
+@pytest.mark.parametrize("name", [n for n in data.names("scenario") if _is_compilable(n)])
 def test_shipped_scenarios_are_the_same_both_ways(name: str) -> None:
     scenario = load_scenario(name)
     left = any(e.kind in reconstruction_keys.KINDS for e in scenario.estimators)
@@ -64,8 +64,8 @@ def test_shipped_scenarios_are_the_same_both_ways(name: str) -> None:
         _assert_equal(*_both(name))
 
 
-@pytest.mark.parametrize("name", [n for n in data.names("scenario") if not _is_of_the_house(n)])
-def test_what_is_more_than_that_is_left_to_the_loop(name: str) -> None:
+@pytest.mark.parametrize("name", [n for n in data.names("scenario") if not _is_compilable(n)])
+def test_other_scenarios_are_not_compiled(name: str) -> None:
     assert rows_of(assemble(plan(load_scenario(name)))) is None
 
 
@@ -77,7 +77,7 @@ def test_what_is_more_than_that_is_left_to_the_loop(name: str) -> None:
         ["adaptation.oracle=true", "adaptation.feedback=position"],
         ["adaptation.limit_command=true", "failures.0.to=0.12", "command.amplitude_deg_s=12"],
         ["control.state_from=scheduled", "rates.delay_ticks=2"],
-        ["adaptation.enabled=false", "failures.0.to=0.05"],  # departs
+        ["adaptation.enabled=false", "failures.0.to=0.05"],  # the aircraft departs
         [*RLS, "adaptation.estimator=rls", "estimators.0.input_at=start", "estimators.0.model=short-period"],
         [*RLS, "estimators.1.model=short-period", "sensors.mach_error=0.03", "sensors.mach_std=0.002"],
         ["estimators.0.alarm_threshold=30", "estimators.0.follow_disturbances=true", "estimators.0.hold_std=0.05",
@@ -92,7 +92,7 @@ def test_every_setting_of_the_parts_is_the_same_both_ways(settings: list[str]) -
     _assert_equal(compiled, plain)
 
 
-def test_what_mission_flies_is_that(tmp_path: object) -> None:
+def test_mission_flies_the_compiled_code_with_the_same_result(tmp_path: object) -> None:
     scenario = load_scenario("elevator-loss", ["duration_s=6"])
     flown = run(scenario).trace
     names = [e.name for e in scenario.estimators]
@@ -120,7 +120,7 @@ class _OwnSensors(Sensors):
         return super().read(tick, truth)._replace(q_rad_s=0.0)
 
 
-def test_what_is_derived_from_the_house_is_left_to_fly() -> None:
+def test_subclasses_of_built_in_parts_are_not_compiled() -> None:
     flight = _flight()
     law, estimator, sensors = flight.law, flight.estimators[0], flight.sensors
     assert isinstance(law, Proportional)
@@ -135,25 +135,25 @@ def test_what_is_derived_from_the_house_is_left_to_fly() -> None:
     assert rows_of(flight) is not None
 
 
-def test_a_flight_with_roll_and_yaw_or_a_two_stage_filter_is_left_to_fly() -> None:
+def test_flights_with_lateral_axes_or_a_two_stage_filter_are_not_compiled() -> None:
     for name, settings in (("all axes", []), ("no estimator", ["estimators=[]", "adaptation.enabled=false"])):
         flight = assemble(plan(rolling([*SOON, *settings])))
         assert flight.lateral is not None, name
         assert rows_of(flight) is None, name
     two_stage = ["lateral.enabled=false", "failures=[]", "duration_s=3"]
     assert rows_of(assemble(plan(rolling(two_stage)))) is None
-    told = run(rolling(SOON)).trace
+    recorded = run(rolling(SOON)).trace
     flown = collect(fly(assemble(plan(rolling(SOON)))), estimators=NAMES, control_hz=100)
     for name in flown.columns:
-        np.testing.assert_array_equal(told[name], flown[name], err_msg=name)
+        np.testing.assert_array_equal(recorded[name], flown[name], err_msg=name)
 
 
-def test_a_smoothed_k_that_is_no_number_is_the_same_error_both_ways() -> None:
+def test_a_smoothed_k_that_is_nan_gives_the_same_error_both_ways() -> None:
     def broken() -> Flight:
         flight = _flight()
         estimator = flight.estimators[0]
         assert isinstance(estimator, LoopGain)
-        estimator._settings[18] = nan  # the smoother's share
+        estimator._settings[18] = nan  # smoothing factor
         return flight
 
     messages = []
@@ -162,4 +162,4 @@ def test_a_smoothed_k_that_is_no_number_is_the_same_error_both_ways() -> None:
             way(broken())
         messages.append(str(raised.value))
     assert messages[0] == messages[1]
-    assert "estimators.0: its smoothed K is nan at tick " in messages[0]
+    assert "estimators.0: smoothed K is nan at t = " in messages[0]

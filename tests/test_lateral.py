@@ -1,4 +1,4 @@
-"""Flights with roll and yaw of their own: flown, recorded both ways, measured, corrected, and refused where they cannot be."""
+"""Flights with commanded aileron and rudder: tracking, recording, metrics, correction by 1/K, and error messages."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def samples() -> list[Sample]:
     return list(fly(assemble(plan(rolling(SOON)))))
 
 
-def test_roll_rate_and_sideslip_are_followed_and_the_wings_come_back(flown: Result) -> None:
+def test_roll_rate_and_sideslip_track_their_references_and_the_wings_level(flown: Result) -> None:
     trace = flown.trace
     assert not flown.metrics.departed
     assert len(trace) == 1200
@@ -47,7 +47,7 @@ def test_roll_rate_and_sideslip_are_followed_and_the_wings_come_back(flown: Resu
     assert np.abs(trace["phi_deg"]).max() < 45.0
 
 
-def test_without_a_correction_the_weak_surfaces_follow_worse(flown: Result) -> None:
+def test_tracking_is_worse_without_a_correction(flown: Result) -> None:
     fixed = run(rolling(["adaptation.enabled=false"])).metrics
     assert fixed.tracking_rms_post_p_deg_s is not None
     assert flown.metrics.tracking_rms_post_p_deg_s is not None
@@ -55,21 +55,21 @@ def test_without_a_correction_the_weak_surfaces_follow_worse(flown: Result) -> N
     assert fixed.tracking_rms_pre_p_deg_s == pytest.approx(flown.metrics.tracking_rms_pre_p_deg_s, rel=0.1)
 
 
-def test_the_oracle_flies_as_healthy_while_nothing_is_cut() -> None:
-    """Told K of both surfaces, the law asks so much more of them that p and beta move as if nothing had failed."""
+def test_with_the_oracle_the_flight_equals_the_healthy_one_within_the_stops() -> None:
+    """With the true K of both surfaces the law increases their deflections so that p and beta move as without a failure."""
     small = ["lateral.roll.amplitude_deg_s=4", "lateral.sideslip.amplitude_deg=0.5", "estimators=[]"]
-    told = run(rolling([*small, "adaptation.oracle=true"])).trace
+    corrected = run(rolling([*small, "adaptation.oracle=true"])).trace
     healthy = run(rolling([*small, "failures=[]", "adaptation.enabled=false"])).trace
-    # At the failure K times position steps, which takes the actuator a while to make good.
-    weak = told["t_s"] > 7.0
+    # At the failure K times position steps; the actuator needs some time to compensate.
+    weak = corrected["t_s"] > 7.0
     for column in ("p_deg_s", "beta_deg"):
-        assert np.abs(told[column] - healthy[column])[weak].max() < 0.002 * np.abs(healthy[column]).max(), column
-    ratio = np.linalg.norm(told["aileron_deg"][weak]) / np.linalg.norm(healthy["aileron_deg"][weak])
+        assert np.abs(corrected[column] - healthy[column])[weak].max() < 0.002 * np.abs(healthy[column]).max(), column
+    ratio = np.linalg.norm(corrected["aileron_deg"][weak]) / np.linalg.norm(healthy["aileron_deg"][weak])
     assert ratio == pytest.approx(1.0 / 0.4, rel=0.02)
 
 
-def test_both_ways_of_recording_say_the_same(samples: list[Sample]) -> None:
-    """Sample by sample, and packed rows at once; every field is in its column, in its unit."""
+def test_both_ways_of_recording_give_the_same_trace(samples: list[Sample]) -> None:
+    """Sample by sample, and all packed rows together; every field is in its column, in its unit."""
     packed = b"".join(map(row_packer(len(NAMES), lateral=True), samples))
     assert len(packed) == 8 * row_width(len(NAMES), lateral=True) * len(samples)
     one = from_rows(np.frombuffer(packed), estimators=NAMES, control_hz=100, lateral=True)
@@ -97,7 +97,7 @@ def test_both_ways_of_recording_say_the_same(samples: list[Sample]) -> None:
     assert one["pitch.nis"][123] == picked.estimates[3].nis
 
 
-def test_the_file_gives_the_trace_back(flown: Result) -> None:
+def test_the_file_restores_the_trace(flown: Result) -> None:
     assert flown.folder is not None
     read = read_trace(flown.folder / "trace.parquet")
     assert read.estimators == flown.trace.estimators == NAMES
@@ -105,25 +105,25 @@ def test_the_file_gives_the_trace_back(flown: Result) -> None:
         np.testing.assert_array_equal(read[name], flown.trace[name], err_msg=name)
 
 
-def test_the_same_flight_twice_is_the_same_to_the_last_bit(samples: list[Sample]) -> None:
+def test_a_flight_is_reproducible_to_the_last_bit(samples: list[Sample]) -> None:
     again = list(fly(assemble(plan(rolling(SOON)))))
     pack = row_packer(len(NAMES), lateral=True)
     assert b"".join(map(pack, again)) == b"".join(map(pack, samples))
 
 
-def test_the_pitch_axis_is_left_as_it_was_by_sensors_of_roll_and_yaw() -> None:
-    """Noise of alpha and q is that of the flight without them: their streams are their own."""
+def test_sensors_of_roll_and_yaw_do_not_change_the_pitch_axis() -> None:
+    """The noise of alpha and q is unchanged: roll and yaw have their own random streams."""
     sensed, alone = (assemble(plan(rolling([f"lateral.enabled={on}", "failures=[]", "adaptation.enabled=false"]))).sensors
                      for on in ("true", "false"))  # fmt: skip
     np.testing.assert_array_equal(sensed.errors, alone.errors)
 
 
-def test_sensors_of_roll_and_yaw_have_the_noise_that_they_are_given() -> None:
+def test_sensors_of_roll_and_yaw_have_the_given_noise() -> None:
     noise, ticks = LateralNoise(1e-3, 2e-3, 3e-3, 4e-3, 0.0), 20_000
     sensors = LateralSensors(noise, ticks=ticks, seed=np.random.SeedSequence(3))
     truth = LateralTruth(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
     off = np.array([sensors.read(k, truth) for k in range(ticks)]) - truth[:7]
-    # Five standard errors of a standard deviation of so many draws.
+    # Five standard errors of the standard deviation of that many draws.
     np.testing.assert_allclose(off[:, :4].std(axis=0), [1e-3, 2e-3, 3e-3, 4e-3], rtol=5.0 / np.sqrt(2 * ticks))
     np.testing.assert_array_equal(off[:, [4, 6]], 0.0)
     np.testing.assert_allclose(
@@ -132,7 +132,7 @@ def test_sensors_of_roll_and_yaw_have_the_noise_that_they_are_given() -> None:
     assert np.abs(np.corrcoef(off[:, :4].T) - np.eye(4)).max() < 5.0 / np.sqrt(ticks)
 
 
-def test_each_estimate_is_measured_against_the_truth_of_its_surface(flown: Result) -> None:
+def test_each_estimate_is_compared_with_the_true_k_of_its_surface(flown: Result) -> None:
     trace, measured = flown.trace, flown.metrics.estimators
     assert [true_share(name) for name in NAMES] == [
         "effectiveness_true", "effectiveness_aileron_true", "effectiveness_rudder_true", "effectiveness_true",
@@ -154,7 +154,7 @@ def test_each_estimate_is_measured_against_the_truth_of_its_surface(flown: Resul
     assert {measured[name].nis_expected for name in NAMES[:3]} == {5.0}
 
 
-def test_tracking_of_all_axes_is_told_and_of_pitch_alone_elsewhere(flown: Result) -> None:
+def test_tracking_metrics_cover_all_commanded_axes(flown: Result) -> None:
     trace, metrics = flown.trace, flown.metrics
     before, late = trace["t_s"] < 4.0 - 1e-9, trace["t_s"] >= 4.0 + SETTLING_S - 1e-9
     for when, ticks in (("pre", before), ("post", late)):
@@ -169,17 +169,17 @@ def test_tracking_of_all_axes_is_told_and_of_pitch_alone_elsewhere(flown: Result
     assert [pitch[key] for key in keys] == [None] * 4
 
 
-def test_a_flight_that_slips_too_far_departs() -> None:
-    """The loop ends after the sample with more than 25 deg, as metrics and words have it."""
+def test_a_large_sideslip_is_a_departure() -> None:
+    """The loop ends after the sample beyond 25 deg; metrics and messages agree."""
 
     class Slipping:
         def __init__(self, plant: Any) -> None:
-            self._plant, self._told = plant, 0
+            self._plant, self._calls = plant, 0
 
         def sense_lateral(self, health: Health) -> LateralTruth:
-            self._told += 1
+            self._calls += 1
             truth: LateralTruth = self._plant.sense_lateral(health)
-            return truth._replace(beta_rad=(self._told - 1) * 0.5 * DEG)
+            return truth._replace(beta_rad=(self._calls - 1) * 0.5 * DEG)
 
         def __getattr__(self, name: str) -> Any:
             return getattr(self._plant, name)
@@ -198,13 +198,13 @@ def test_a_flight_that_slips_too_far_departs() -> None:
     ).departed
 
 
-def test_commands_reach_aileron_and_rudder_late_if_asked() -> None:
+def test_delay_ticks_delay_aileron_and_rudder_commands() -> None:
     prompt, late = (run(rolling([f"rates.delay_ticks={n}", "duration_s=1", "failures=[]"])).trace for n in (0, 3))
     first = [int(np.flatnonzero(np.abs(t["aileron_deg"]) > 1e-9)[0]) for t in (prompt, late)]
     assert first[1] - first[0] == 3
 
 
-def test_names_of_estimates_and_tests_are_known_before_take_off() -> None:
+def test_names_of_estimates_and_detectors_are_known_before_take_off() -> None:
     scenario = rolling()
     assert estimates(scenario) == detectors(scenario) == NAMES
     pitch = rolling(["lateral.enabled=false", "failures=[]"])
@@ -213,7 +213,7 @@ def test_names_of_estimates_and_tests_are_known_before_take_off() -> None:
     assert isinstance(assemble(plan(pitch)).estimators[0], TwoStagePitch)
 
 
-def test_a_smoothed_k_that_is_no_number_is_told() -> None:
+def test_a_smoothed_k_that_is_nan_is_an_error() -> None:
     class Broken:
         surfaces = ("elevator", "aileron", "rudder")
 
@@ -221,30 +221,30 @@ def test_a_smoothed_k_that_is_no_number_is_told() -> None:
             self._inner, self._tick = inner, 0
 
         def update_all(self, *readings: Any) -> list[Any]:
-            told = list(self._inner.update_all(*readings))
+            estimates = list(self._inner.update_all(*readings))
             if self._tick == 7:
-                told[1] = told[1]._replace(effectiveness_smoothed=float("nan"))
+                estimates[1] = estimates[1]._replace(effectiveness_smoothed=float("nan"))
             self._tick += 1
-            return told
+            return estimates
 
     flight = assemble(plan(rolling()))
     inner = flight.estimators[0]
     assert isinstance(inner, TwoStageSurfaces)
     with pytest.raises(
-        EstimateError, match="smoothed K of a surface is nan at tick 7; the law cannot be corrected by that"
+        EstimateError, match="smoothed K of aileron or rudder is nan at t = 0.07 s; the correction 1/K needs a finite K"
     ):
         list(fly(replace(flight, estimators=[Broken(inner), *flight.estimators[1:]])))
 
 
-def test_an_estimator_of_several_surfaces_flies_only_where_they_are_commanded() -> None:
-    with pytest.raises(ValueError, match="flies only where aileron and rudder are commanded"):
+def test_an_estimator_of_several_surfaces_needs_lateral_axes() -> None:
+    with pytest.raises(ValueError, match="needs a flight with lateral axes"):
         replace(assemble(plan(rolling())), lateral=None)
 
 
 @pytest.mark.parametrize(
     ("settings", "problem"),
     [
-        (["lateral.enabled=false"], "failures.0.surface: aileron and rudder are the stock laws' (got 'aileron'); set lateral.enabled to true"),
+        (["lateral.enabled=false"], "failures.0.surface: the stock laws control aileron and rudder (got 'aileron'); set lateral.enabled to true"),
         (["failures.0.kind=structural", "failures.0.force_to=1"], "failures.0.surface: must be 'elevator' with kind = 'structural' (got 'aileron')"),
         (["failures.0.surface=flap"], "failures.0.surface: must be 'elevator', 'aileron' or 'rudder' (got 'flap')"),
         (["failures.0={kind='bias', surface='aileron', at_s=1}"], "failures.0.bias_deg: is missing; a failure of kind 'bias' needs it"),
@@ -254,7 +254,7 @@ def test_an_estimator_of_several_surfaces_flies_only_where_they_are_commanded() 
         (["lateral.roll.gain=1"], "unknown key lateral.roll.gain"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_flown_is_refused_in_words(settings: list[str], problem: str) -> None:
+def test_invalid_settings_have_an_error_message(settings: list[str], problem: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         rolling(settings)
     assert any(problem in text for text in caught.value.problems), caught.value.problems
@@ -270,7 +270,7 @@ def test_a_linear_aircraft_has_neither_roll_and_yaw_nor_actuators(failures: list
         plan(load_scenario(raw))
 
 
-def test_an_overlay_without_the_properties_refuses_what_needs_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_actuator_failures_need_the_properties_of_the_overlay(monkeypatch: pytest.MonkeyPatch) -> None:
     f16 = load_aircraft("f16")
     named = {key: path for key, path in f16.properties.items() if key not in ("rudder_stuck", "aileron_offset_rad")}
     scenario = rolling(
@@ -293,6 +293,6 @@ def test_an_overlay_without_the_properties_refuses_what_needs_them(monkeypatch: 
         plan(rolling())
 
 
-def test_a_lateral_sample_is_what_the_recorder_takes(samples: list[Sample]) -> None:
+def test_the_recorder_accepts_a_lateral_sample(samples: list[Sample]) -> None:
     assert all(isinstance(sample.lateral, LateralSample) for sample in samples)
     assert [sample.tick for sample in samples] == list(range(300))

@@ -1,4 +1,4 @@
-"""Flights that are commanded in g: Kemp's chapter 6 on the F-16. Seeds are given; figures with intervals are the benchmark's."""
+"""Flights commanded in g: Kemp's chapter 6 on the F-16. Seeds are fixed; the benchmark gives figures with intervals."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def _measured(name: str, *sets: str, seeds: tuple[int, ...] = SEEDS) -> list[Pul
     return [pull_up(_flown(name, *sets, seed=seed).columns, control_hz=100, ticks=scenario.ticks) for seed in seeds]
 
 
-def test_gains_have_the_same_signs_all_over_the_table(f16: Aircraft) -> None:
+def test_gains_have_the_same_signs_over_the_whole_table(f16: Aircraft) -> None:
     points = pitch_points(f16, cg_shift_cbar=0.0176)
-    assert [point.level for point in points] == [False, *[True] * 10]  # at 25 lb/ft^2 the F-16 does not fly level
+    assert [point.level for point in points] == [False, *[True] * 10]  # at 25 lb/ft^2 the F-16 cannot fly level
     table = gain_table(points)
     assert np.all(np.sign(table.gains) == [1.0, 1.0, -1.0, -1.0])
     for point in points[1:]:
@@ -73,11 +73,11 @@ def test_below_the_lowest_level_point_both_laws_fly(law: str) -> None:
     assert max(found.overshoot, found.undershoot) < 0.15
 
 
-def test_points_are_where_they_should_be_and_obey_kinematics(f16: Aircraft) -> None:
+def test_points_have_the_given_conditions_and_obey_kinematics(f16: Aircraft) -> None:
     ahead, aft = (pitch_points(f16, cg_shift_cbar=shift) for shift in (0.0176, 0.0676))
     assert [p.dynamic_pressure_pa / PSF for p in ahead] == pytest.approx(DYNAMIC_PRESSURES_PSF)
     for one, other in zip(ahead, aft, strict=True):
-        # a_n = V (q - alpha') / g along the lift; the accelerometer is fixed to the body, and near enough at small alpha
+        # a_n = V (q - alpha') / g along the lift; the body-fixed accelerometer agrees at small alpha
         speed = np.sqrt(2.0 * one.dynamic_pressure_pa / 1.225)
         if one.dynamic_pressure_pa > 200.0 * PSF:
             assert one.c[0] == pytest.approx(-speed / G0 * one.A[0, 0], rel=0.05)
@@ -85,15 +85,15 @@ def test_points_are_where_they_should_be_and_obey_kinematics(f16: Aircraft) -> N
         assert other.A[1, 0] > one.A[1, 0]  # less stable
 
 
-def test_a_flight_in_g_is_flown_by_the_loop_and_by_nothing_else() -> None:
+def test_flights_in_g_are_not_compiled() -> None:
     planned = plan(load_scenario("throttle-and-cg", ["duration_s=13", "command.start_s=11"]))
     assert rows_of(assemble(planned)) is None
     samples = list(fly(assemble(planned)))
     assert samples[-1].load_factor is not None
     trace, metrics = fly_plan(planned)
-    assert metrics.tracking_rms_pre_deg_s is None  # nobody asks for a pitch rate
+    assert metrics.tracking_rms_pre_deg_s is None  # there is no pitch-rate command
     assert np.all(np.isnan(trace["q_ref_deg_s"]))
-    # Full throttle from 10 s on, and before that one or the other.
+    # Full throttle from 10 s on; before that, either of the two settings.
     throttle = trace["throttle_cmd_norm"]
     assert set(throttle[:1000]) == {0.1, 1.0}
     assert set(throttle[1000:]) == {1.0}
@@ -105,13 +105,13 @@ def test_a_flight_in_g_is_flown_by_the_loop_and_by_nothing_else() -> None:
     assert trace["model_a_1"][-1] == samples[-1].load_factor.model_a_1
 
 
-def test_without_an_autothrottle_the_throttle_stays() -> None:
+def test_without_an_autothrottle_the_throttle_is_constant() -> None:
     trace = _flown("cg-shift", "control.autothrottle.enabled=false", "duration_s=13")
     assert np.all(np.isnan(trace["throttle_cmd_norm"]))
     assert np.ptp(trace["thrust_n"][300:900]) < 0.05 * trace["thrust_n"][600]
 
 
-def test_the_accelerometer_has_its_own_noise_and_leaves_the_others_theirs() -> None:
+def test_the_noise_of_the_accelerometer_does_not_change_the_other_sensors() -> None:
     quiet, noisy = (_flown("cg-shift", *SCHEDULED, f"sensors.nz_std_g={std}", "duration_s=13") for std in (0.0, 0.01))
     error = noisy["nz_meas_g"] - noisy["nz_g"]
     n = len(error)
@@ -131,8 +131,8 @@ def test_after_the_cg_shift_the_adaptive_law_overshoots_less(name: str, margin: 
         assert mine.disturbance_g < softly.disturbance_g / 2.0
 
 
-def test_quickness_is_what_it_costs() -> None:
-    """The scheduled law that is designed for the same poles follows a pull-up more closely, shift or not: not all of the overshoot is adaptation's."""
+def test_overshoot_is_the_price_of_a_fast_response() -> None:
+    """The scheduled law with the same poles tracks a pull-up more closely, with and without the shift: adaptation is not the only cause of the overshoot."""
     for mine, theirs in zip(_measured("cg-shift"), _measured("cg-shift", *SCHEDULED), strict=True):
         assert mine.tracking_rms_g > theirs.tracking_rms_g
 
@@ -154,14 +154,14 @@ def test_elevator_losses_are_survived_with_less_overshoot(to: float) -> None:
         assert mine.undershoot < theirs.undershoot
 
 
-def test_accelerometer_noise_loses_what_the_thesis_sets_and_not_what_is_calm() -> None:
+def test_accelerometer_noise_loses_the_aircraft_with_the_thesis_settings_only() -> None:
     noise = ("sensors.nz_std_g=0.005",)
     assert sum(found.lost for found in _measured("cg-shift", *noise, *THESIS)) >= 3
     assert not any(found.lost for found in _measured("cg-shift", *noise))
 
 
 @pytest.mark.parametrize("law", ["nz-adaptive", "nz-scheduled"])
-def test_a_loop_is_flown_round(law: str) -> None:
+def test_a_complete_loop_is_flown(law: str) -> None:
     trace = _flown("loop", f"control.law={law}")
     assert len(trace) == 4200
     assert np.sum(trace["q_deg_s"]) / 100.0 == pytest.approx(360.0, abs=10.0)
@@ -172,22 +172,24 @@ def test_a_loop_is_flown_round(law: str) -> None:
 
 
 @pytest.mark.parametrize("law", ["nz-adaptive", "nz-scheduled"])
-def test_it_is_followed_from_333_to_680_feet_per_second(law: str) -> None:
+def test_the_command_is_tracked_from_333_to_680_feet_per_second(law: str) -> None:
     trace = _flown("speed-range", f"control.law={law}")
     assert len(trace) == 6000
     assert trace["airspeed_m_s"][[0, -1]] / FT == pytest.approx([332.6, 680.0], abs=2.0)
     pressure = [0.7 * standard_air(h * FT).pressure_pa / PSF for h in trace["altitude_ft"]] * trace["mach"] ** 2
     assert (
         DYNAMIC_PRESSURES_PSF[1] < pressure.min() < pressure.max() < DYNAMIC_PRESSURES_PSF[-1]
-    )  # where gains are scheduled
+    )  # range of the gain schedule
     level = np.cos(np.radians(trace["theta_meas_deg"])) * np.cos(np.radians(trace["phi_meas_deg"]))
     error = increment_g(trace.columns) - (trace["nz_ref_g"] - level)
-    assert max(float(np.sqrt(np.mean(part**2))) for part in np.split(error, 6)) < 0.3  # a lag, of +-0.5 g
+    assert (
+        max(float(np.sqrt(np.mean(part**2))) for part in np.split(error, 6)) < 0.3
+    )  # a lag of the response to +-0.5 g
     assert np.max(np.abs(increment_g(trace.columns))) < 0.65
 
 
 @pytest.mark.parametrize("form", ["plain", "factored"])
-def test_single_precision_flies_the_same_flight(form: str) -> None:
+def test_single_precision_gives_nearly_the_same_flight(form: str) -> None:
     identified = f"control.identification.form={form}"
     single = _flown("cg-shift", identified, "control.identification.precision=single")
     double = _flown("cg-shift", identified)
@@ -204,7 +206,7 @@ def test_without_the_prefilter_the_fixed_law_runs_into_the_rate_limit() -> None:
 
 
 @pytest.mark.parametrize(("mach", "cycles"), [(0.27, True), (0.28, False)])
-def test_slower_than_the_speed_range_begins_the_fixed_law_swings_at_its_rate_limit(mach: float, cycles: bool) -> None:
+def test_below_the_speed_range_the_fixed_law_oscillates_at_its_rate_limit(mach: float, cycles: bool) -> None:
     slow = [f"condition.mach={mach}", "duration_s=20"]
     fixed = _flown("speed-range", *SCHEDULED, *slow)
     assert (np.mean(np.abs(np.diff(fixed["elevator_deg"][1000:])) * 100.0 > 59.0) > 0.9) == cycles
@@ -212,8 +214,8 @@ def test_slower_than_the_speed_range_begins_the_fixed_law_swings_at_its_rate_lim
     assert np.mean(np.abs(np.diff(adaptive["elevator_deg"][1000:])) * 100.0 > 59.0) < 0.02
 
 
-def test_the_correction_by_k_goes_with_the_scheduled_law() -> None:
-    """With the prefilter: a step asks the corrected loop for 1/K times the elevator, and its rate is used up."""
+def test_the_correction_by_k_works_with_the_scheduled_law() -> None:
+    """With the prefilter: at a step the corrected loop demands 1/K times the elevator, which saturates its rate."""
     adapt = ["adaptation.enabled=true", "adaptation.estimator=k", 'estimators=[{name="k"}]', "command.filter_rad_s=3"]
     corrected = _measured("pull-up-loss", *SCHEDULED, *adapt, seeds=(0,))[0]
     fixed = _measured("pull-up-loss", *SCHEDULED, "command.filter_rad_s=3", seeds=(0,))[0]
@@ -223,7 +225,7 @@ def test_the_correction_by_k_goes_with_the_scheduled_law() -> None:
     assert np.mean(np.abs(np.diff(stepped["elevator_deg"][1200:1700])) * 100.0 > 59.0) > 0.9
 
 
-def test_a_flight_in_g_is_measured_in_g(tmp_path: Path) -> None:
+def test_the_metrics_of_a_flight_in_g_are_in_g(tmp_path: Path) -> None:
     result = run(load_scenario("cg-shift"), tmp_path / "run", rerun=False)
     trace, summary = result.trace, result.summary
     error, late = trace["nz_g"] - trace["nz_ref_g"], trace["t_s"] >= 10.3 - 1e-9
@@ -243,7 +245,7 @@ def test_a_flight_in_g_is_measured_in_g(tmp_path: Path) -> None:
     assert other.tracking_rms_pre_nz_g is None is other.pull_up_overshoot
 
 
-def test_a_campaign_of_flights_in_g_is_judged_by_the_load_factor() -> None:
+def test_a_campaign_of_flights_in_g_reports_the_load_factor() -> None:
     flown = campaigns.fly(load_scenario("cg-shift", ["sensors.nz_std_g=0.002"]), 7)
     assert "RMS of nz - nz_ref" in flown.reason
     campaign_report(flown)
@@ -294,7 +296,7 @@ def test_both_laws_in_one_recording_and_on_one_page(tmp_path: Path) -> None:
          "estimators.0.block_fade: has no effect with estimators.0.kind = 'loop-gain'"),
     ],
 )  # fmt: skip
-def test_what_contradicts_and_what_is_idle(sets: list[str], problem: str) -> None:
+def test_contradictions_and_idle_keys(sets: list[str], problem: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         load_scenario("cg-shift", sets)
     assert any(problem in line for line in caught.value.problems), caught.value.problems

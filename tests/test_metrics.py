@@ -48,7 +48,7 @@ def test_estimates_count_from_the_failure() -> None:
 
 
 def test_tracking_counts_from_the_first_failure_and_estimates_from_that_of_the_elevator() -> None:
-    """The c.g. moves at 2 s, K falls at 4 s: what an estimator of K says in between is said of a healthy elevator."""
+    """The c.g. moves at 2 s, K falls at 4 s: between the two an estimator of K observes a healthy elevator."""
     q = np.where(T < 2, 1.0, np.where(T < 2.3 - 1e-9, 99.0, 3.0))
     estimate = np.where(T < 4, 0.9, 0.5)
     alarms = np.where(T < 3, 0.0, np.where(T < 4.2 - 1e-9, 1.0, 2.0))
@@ -62,7 +62,7 @@ def test_tracking_counts_from_the_first_failure_and_estimates_from_that_of_the_e
     assert found.first_within_20pct_s == 0.0
 
 
-def test_without_a_failure_of_the_elevator_estimates_count_from_the_first() -> None:
+def test_without_a_failure_of_the_elevator_estimates_count_from_the_first_failure() -> None:
     still = _trace(effectiveness_true=np.ones(1000), **{"a.effectiveness": np.where(T < 2, 1.0, 0.7)})
     metrics = measure(still, alpha_trim_deg=2.0, failed_at_s=2.0)
     assert metrics.estimators_since_s == 2.0
@@ -90,7 +90,7 @@ def test_departure_is_25_degrees_from_trim_or_not_finite(alpha: float, departed:
 
 
 def test_signal_to_noise_ratio_of_equation_82() -> None:
-    """Sillence Table 1 with his printed poles and amplitudes about 6 deg and 11 deg/s: within 0.2 dB of the print."""
+    """Sillence Table 1 with his printed poles and amplitudes about 6 deg and 11 deg/s: within 0.2 dB of the printed values."""
     poles = np.array([-0.6737, 0.30691], dtype=complex)  # as printed in S 5.2; the true ones are +0.6737, -3.0691
     printed = {(0.55534, 0.03): 23.29, (0.1108, 0.03): 37.227, (0.0739, 0.0739): 40.0, (0.00739, 0.00739): 60.0}
     for (q_std, alpha_std), decibel in printed.items():

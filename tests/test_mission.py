@@ -420,7 +420,7 @@ def test_a_resolved_scenario_names_the_very_aircraft(tmp_path: Path, monkeypatch
     assert run(again).trace["q_deg_s"][-1] == read_trace(tmp_path / "out" / "trace.parquet")["q_deg_s"][-1]
     text = (own / "aircraft.toml").read_text()
     (own / "aircraft.toml").write_text(text.replace("rate_limit_deg_s = 60.0", "rate_limit_deg_s = 50.0"))
-    with pytest.raises(AircraftError, match=r"is not the one that this scenario was flown with"):
+    with pytest.raises(AircraftError, match=r"is not the aircraft of this scenario"):
         run(again)
     assert run(load_scenario(tmp_path / "out" / "scenario.toml", ['aircraft.sha256=""'])).summary.ended == "time"
 

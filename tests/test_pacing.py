@@ -1,4 +1,4 @@
-"""Pacing on a clock that the test turns by hand: exact to the nanosecond; on the wall clock only what noise cannot break."""
+"""Pacing on a simulated clock, exact to the nanosecond; on the wall clock only properties that timing noise cannot break."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CLOCK_COLUMNS = {"release_late_ms", "compute_ms", "slack_ms"}
 
 @dataclass
 class HandClock:
-    """Time passes when it is slept or worked, and by ``reading_ns`` when it is read; sleeps overshoot as told."""
+    """Simulated clock: sleep and work advance the time, each reading adds ``reading_ns``, and sleeps overshoot by a given time."""
 
     time_ns: int = 5_000_000_123
     spin_ns: int = 0
@@ -52,7 +52,7 @@ class HandClock:
 def _fly(
     clock: HandClock, *, hz: int, work_ns: Sequence[int], downstream_ns: Sequence[int] = ()
 ) -> tuple[list[Timing], list[int]]:
-    """Pace work of given lengths; returns the timings and when each tick was asked for."""
+    """Pace work of given lengths; return the timings and the request time of each tick."""
     timings: list[Timing] = []
     asked: list[int] = []
 
@@ -70,17 +70,17 @@ def _fly(
 
 @pytest.mark.parametrize("hz", [100, 30, 7])
 def test_ticks_keep_to_an_absolute_schedule(hz: int) -> None:
-    """Tick k is asked for at k/hz to the nanosecond that it falls into, also where a period is no whole number of them."""
+    """The request of tick k is at k/hz, rounded down to a nanosecond, also for a period that is not a whole number of nanoseconds."""
     clock = HandClock()
     start = clock.time_ns
     timings, asked = _fly(clock, hz=hz, work_ns=[MS] * 1000)
     assert asked == [start + k * 10**9 // hz for k in range(1000)]
     assert {t.release_late_ns for t in timings} == {0}
     assert {t.compute_ns for t in timings} == {MS}
-    assert clock.time_ns == start + 1000 * 10**9 // hz  # the last period is lived through, too
+    assert clock.time_ns == start + 1000 * 10**9 // hz  # the last period is included
 
 
-def test_after_a_slow_tick_the_others_catch_up_and_every_late_one_is_counted() -> None:
+def test_ticks_catch_up_after_a_slow_one_and_late_ticks_are_counted() -> None:
     work = [MS, MS, 25 * MS, MS, MS, MS]
     timings, _ = _fly(HandClock(), hz=100, work_ns=work)
     assert [t.release_late_ns // MS for t in timings] == [0, 0, 0, 15, 6, 0]
@@ -101,25 +101,25 @@ def test_work_downstream_belongs_to_its_tick() -> None:
     assert [t.release_late_ns // MS for t in timings] == [0, 0, 1, 0]
 
 
-def test_a_tick_that_is_done_just_when_the_next_is_due_is_in_time() -> None:
+def test_a_tick_that_ends_exactly_at_the_deadline_is_not_late() -> None:
     timings, _ = _fly(HandClock(), hz=100, work_ns=[10 * MS, 10 * MS + 1])
     assert [t.slack_ns for t in timings] == [0, -1]
 
 
-def test_a_wait_is_slept_up_to_the_spin_and_then_watched() -> None:
+def test_a_wait_sleeps_and_then_polls_the_clock() -> None:
     clock = HandClock(spin_ns=300_000, reading_ns=1000)
     start = clock.time_ns + clock.reading_ns
     timings, asked = _fly(clock, hz=100, work_ns=[MS] * 20)
     assert [began + slept for began, slept in clock.sleeps_ns] == [start + k * 10 * MS - 300_000 for k in range(1, 21)]
     assert [a - start - k * 10 * MS for k, a in enumerate(asked)] == [t.release_late_ns for t in timings]
-    assert all(0 <= t.release_late_ns <= 1000 for t in timings)  # no later than one look at the clock
+    assert all(0 <= t.release_late_ns <= 1000 for t in timings)  # at most one reading of the clock late
 
 
 periods = st.lists(st.tuples(st.integers(0, 30 * MS), st.integers(0, 30 * MS)), min_size=1, max_size=40)
 
 
 @given(periods)
-def test_a_tick_begins_when_it_is_due_or_when_the_one_before_is_done(ticks: list[tuple[int, int]]) -> None:
+def test_a_tick_begins_when_due_or_when_the_previous_one_ends(ticks: list[tuple[int, int]]) -> None:
     """Lindley's recursion of a queue with arrivals every 10 ms: lateness+ = max(0, lateness + work - period)."""
     work, downstream = zip(*ticks, strict=True)
     timings, _ = _fly(HandClock(), hz=100, work_ns=work, downstream_ns=downstream)
@@ -129,7 +129,7 @@ def test_a_tick_begins_when_it_is_due_or_when_the_one_before_is_done(ticks: list
         lateness = max(0, lateness + computing + after - 10 * MS)
 
 
-def test_a_consumer_that_stops_ends_the_flight_and_its_last_tick_is_timed() -> None:
+def test_closing_the_generator_ends_the_flight_and_times_its_last_tick() -> None:
     closed: list[bool] = []
 
     def samples() -> Iterator[int]:
@@ -150,7 +150,7 @@ def test_a_consumer_that_stops_ends_the_flight_and_its_last_tick_is_timed() -> N
     assert gc.get_freeze_count() == frozen
 
 
-def test_what_the_flight_raises_comes_through_and_the_heap_is_given_back() -> None:
+def test_exceptions_of_the_flight_propagate_and_the_heap_is_unfrozen() -> None:
     def samples() -> Iterator[int]:
         yield 0
         raise KeyboardInterrupt
@@ -162,7 +162,7 @@ def test_what_the_flight_raises_comes_through_and_the_heap_is_given_back() -> No
     assert timings.tolist() == [0, 0, 10 * MS]
 
 
-def test_a_heap_that_somebody_else_set_aside_stays_so() -> None:
+def test_a_heap_frozen_by_the_caller_stays_frozen() -> None:
     gc.freeze()
     try:
         list(paced(range(3), control_hz=100, clock=HandClock(), record=lambda _: None))
@@ -176,7 +176,7 @@ def _trace(timings: Sequence[Timing]) -> Trace:
     return with_timings(Trace({"t_s": np.arange(len(timings)) / 100}, ()), flat)
 
 
-def test_the_numbers_of_a_flight_are_those_of_its_ticks() -> None:
+def test_the_performance_of_a_flight_summarizes_its_ticks() -> None:
     late = {10: -2 * MS, 11: -1 * MS, 40: -5 * MS}
     timings = [Timing(k * 1000, MS + k * 1000, late.get(k, 8 * MS)) for k in range(101)]
     kept = punctuality(_trace(timings), control_hz=100)
@@ -188,7 +188,7 @@ def test_the_numbers_of_a_flight_are_those_of_its_ticks() -> None:
     assert late_spells(_trace(timings)) == [Spell(0.1, 2, 2.0), Spell(0.4, 1, 5.0)]
 
 
-def test_a_flight_of_one_tick_has_no_rate_and_one_that_is_never_late_no_overrun() -> None:
+def test_one_tick_has_no_rate_and_no_late_tick_has_no_overrun() -> None:
     kept = punctuality(_trace([Timing(0, MS, MS)]), control_hz=100)
     assert kept is not None
     assert (kept.ticks, kept.late_ticks, kept.worst_overrun_ms, kept.achieved_hz) == (1, 0, None, None)
@@ -196,7 +196,7 @@ def test_a_flight_of_one_tick_has_no_rate_and_one_that_is_never_late_no_overrun(
 
 
 class _Busy(HandClock):
-    """A clock for real flights at 100 Hz, whose work takes no time of it: the sleep before tick 50, 150, ... ends 22 ms late."""
+    """A clock for real flights at 100 Hz that does not count their work; the sleep before tick 50, 150, ... ends 22 ms late."""
 
     def sleep(self, seconds: float) -> None:
         super().sleep(seconds)
@@ -229,16 +229,16 @@ def test_the_unit_of_the_columns_is_known(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("seconds", "told"),
+    ("seconds", "expected"),
     [
         (6, [(second + 0.5, "2 ticks late, by up to 12 ms") for second in range(6)]),
         (12, [(0.5, "24 ticks late in 12 spells, here the worst, by 12 ms")]),
     ],
 )
-def test_late_ticks_are_events_and_many_are_one(seconds: int, told: list[tuple[float, str]]) -> None:
+def test_late_ticks_are_events_and_many_are_one(seconds: int, expected: list[tuple[float, str]]) -> None:
     result = run(load_scenario("nominal", [f"duration_s={seconds}"]), pace=_Busy())
     happened = events(result.plan.scenario, result.trace, result.summary, result.plan.actuators)
-    assert [(t, text) for t, text, _ in happened if "late" in text] == told
+    assert [(t, text) for t, text, _ in happened if "late" in text] == expected
     kept = result.summary.realtime
     assert kept is not None
     assert kept_pace(kept, seconds) == (
@@ -257,11 +257,11 @@ def test_on_the_wall_clock_no_tick_begins_early_and_a_flight_takes_its_time(tmp_
     assert (result.summary.realtime.achieved_hz or 0.0) > 0.0
 
 
-def test_the_command_line_tells_how_well_the_pace_was_kept(tmp_path: Path) -> None:
+def test_the_command_line_prints_the_real_time_performance(tmp_path: Path) -> None:
     short = ["run", "nominal", "--set", "duration_s=0.3", "--rerun", "off", "--realtime", "--out", "x"]
-    told = flightbed(*short, cwd=tmp_path)
-    assert told.returncode == 0, told.stderr
-    assert "real time 30 ticks at 100 Hz: " in told.stdout
+    done = flightbed(*short, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "real time 30 ticks at 100 Hz: " in done.stdout
     kept = json.loads(flightbed(*short, "--json", cwd=tmp_path).stdout)["realtime"]
     assert kept["ticks"] == 30
     assert "real time" not in flightbed(*(a for a in short if a != "--realtime"), cwd=tmp_path).stdout
@@ -272,7 +272,7 @@ GUSTS = [(kind, ',unknown="gust"') for kind in reconstruction_keys.KINDS]
 
 @pytest.mark.parametrize(("kind", "more"), [*((kind, "") for kind in registry.names("estimators")), *GUSTS])
 def test_nothing_is_compiled_in_flight(kind: str, more: str) -> None:
-    """In a process of its own, where no other estimator has compiled anything: a first compilation takes seconds."""
+    """In a new process, where no other estimator has compiled anything: a first compilation takes seconds."""
     code = (
         "import sys, flightbed\n"
         "from flightbed.estimation import following_kernels, input_observer, kernels, loop_gain, pitch_model, retrospective_kernels, rls, surfaces\n"

@@ -1,4 +1,4 @@
-"""Histories over flights: numpy's mean, deviation and percentiles of the same flights, whatever their lengths and the order in which they come."""
+"""Histories over flights against numpy's mean, deviation and percentiles, for any lengths and any order of the flights."""
 
 from __future__ import annotations
 
@@ -61,26 +61,24 @@ def test_percentiles_are_numpys_whatever_the_lengths(rng: np.random.Generator, l
     assert found.shape == (5, max(lengths) + 2)
     assert np.isnan(found[:, -2:]).all()
     for k, there in enumerate(_at_every_tick(flights)):
-        # Single precision holds 24 bits: half a unit of the last is 2^-24 of the value.
+        # Single precision has 24 bits: half a unit in the last place is 2^-24 of the value.
         assert found[:, k] == pytest.approx(np.percentile(there, PERCENTILES), rel=2.0**-23)
 
 
-def test_the_order_of_the_flights_shows_nowhere(rng: np.random.Generator) -> None:
+def test_the_percentiles_do_not_depend_on_the_order_of_the_flights(rng: np.random.Generator) -> None:
     flights = [rng.normal(size=n) for n in rng.integers(1, 30, 60)]
     found = percentiles.percentiles(flights, 40)
     again = percentiles.percentiles([flights[i] for i in rng.permutation(60)], 40)
     assert found.tobytes() == again.tobytes()
 
 
-def test_infinite_values_are_the_largest_and_no_warning() -> None:
+def test_infinite_values_rank_last_without_a_warning() -> None:
     found = percentiles.percentiles([np.array([v]) for v in (1.0, 2.0, 3.0, np.inf, np.inf)], 1)[:, 0]
     assert found[1:3].tolist() == [2.0, 3.0]
     assert np.isinf(found[3])
 
 
-def test_an_ensemble_is_numpys_of_its_flights_and_travels_through_a_file(
-    rng: np.random.Generator, tmp_path: Path
-) -> None:
+def test_an_ensemble_agrees_with_numpy_and_survives_a_file(rng: np.random.Generator, tmp_path: Path) -> None:
     flights = [rng.normal(5.0, 2.0, n) for n in (7, 12, 3, 12, 9, 15)]
     parts = [Part.of({"x": flight}, sampled=i < 4) for i, flight in enumerate(flights)]
     whole = parts[0] + parts[1] + parts[2] + (parts[3] + parts[4] + parts[5])
@@ -100,7 +98,7 @@ def test_an_ensemble_is_numpys_of_its_flights_and_travels_through_a_file(
 
 
 def _parts(programme: Programme, rng: np.random.Generator) -> tuple[list[dict[int, Part]], list[dict[str, Vector]]]:
-    """What chunks add, of made-up flights of any length; and the flights."""
+    """Parts of the chunks of synthetic flights of any length, and the flights."""
     flights = [{"x": rng.normal(i, 1.0, int(rng.integers(1, 9)))} for i in range(len(programme))]
     chunks: list[dict[int, Part]] = []
     for number in range(-(-len(programme) // CHUNK)):
@@ -115,10 +113,10 @@ def _parts(programme: Programme, rng: np.random.Generator) -> tuple[list[dict[in
 
 
 @pytest.mark.parametrize("runs", [1, 3, 7, 10, 26])
-def test_any_order_and_any_number_of_restarts_add_up_to_the_same(
+def test_any_order_and_any_number_of_restarts_give_the_same_sum(
     rng: np.random.Generator, tmp_path: Path, runs: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Points that begin and end within chunks; a restart after every chunk goes on with what is on disk."""
+    """Points begin and end within chunks; a restart after every chunk continues with the files on disk."""
     monkeypatch.setattr(campaign_flights, "SAMPLE", 20)
     programme = _grid(tmp_path, runs=runs)
     chunks, flights = _parts(programme, rng)
@@ -133,7 +131,7 @@ def test_any_order_and_any_number_of_restarts_add_up_to_the_same(
         once.add(number, chunks[number])
     restarted = Histories(programme, folder)
     assert restarted.number == straight.number == len(chunks)
-    assert not list(folder.glob("histories-*.npz"))  # what is complete needs no flights any more
+    assert not list(folder.glob("histories-*.npz"))  # a complete point needs no flights any more
     for point, ensemble in straight.ensembles.items():
         for name, array in ensemble.arrays().items():
             assert restarted.ensembles[point].arrays()[name].tobytes() == array.tobytes(), name
@@ -145,8 +143,8 @@ def test_any_order_and_any_number_of_restarts_add_up_to_the_same(
     assert list(straight.ensembles) == [0, 1, 2, 3]
 
 
-def test_a_chunk_that_was_kept_but_not_added_up_is_added_up(rng: np.random.Generator, tmp_path: Path) -> None:
-    """As a kill leaves it between the two: its file is there, and nothing else tells of it."""
+def test_a_stored_chunk_that_is_not_in_the_sum_is_added(rng: np.random.Generator, tmp_path: Path) -> None:
+    """The state after a kill between the two steps: the file of the chunk exists, without any other record."""
     programme = _grid(tmp_path)
     chunks, _ = _parts(programme, rng)
     (tmp_path / "x").mkdir()
@@ -162,7 +160,7 @@ def test_a_chunk_that_was_kept_but_not_added_up_is_added_up(rng: np.random.Gener
     assert late.number == 2
 
 
-def test_a_chunk_in_which_nothing_flew_adds_nothing(rng: np.random.Generator, tmp_path: Path) -> None:
+def test_a_chunk_without_flights_adds_nothing(rng: np.random.Generator, tmp_path: Path) -> None:
     programme = _grid(tmp_path)
     chunks, _ = _parts(programme, rng)
     book = Histories(programme)
@@ -196,8 +194,8 @@ def test_the_folder_holds_the_histories_of_every_point(tmp_path: Path) -> None:
         ):  # fmt: skip
             ours = there[f"scheduled.effectiveness_smoothed.{part}"].to_numpy()
             assert ours == pytest.approx(expected, rel=1e-6, abs=1e-7), part
-    told = json.loads((folder / "summary.json").read_text())["histories"]
-    assert told == {"points": [0, 1, 2, 3], "percentiles_of_flights": percentiles.SAMPLE}
+    summary = json.loads((folder / "summary.json").read_text())["histories"]
+    assert summary == {"points": [0, 1, 2, 3], "percentiles_of_flights": percentiles.SAMPLE}
     pictures = {p.key: p for section in histories_sections(flown) for p in section.items if hasattr(p, "svg")}
     assert set(pictures) == {
         "points-q-deg-s",
@@ -259,16 +257,16 @@ def test_few_of_many() -> None:
     assert few(_settings(lengths=(20, 20), combine="paired"), range(20), 3) == [0, 10, 19]
     assert few(_settings(lengths=(3, 4)), range(12), 12) == list(range(12))
     assert few(None, [0], 12) == [0]
-    assert few(_settings(lengths=(8, 8)), [1, 5, 9], 2) == [1, 9]  # of chosen points no grid is known
+    assert few(_settings(lengths=(8, 8)), [1, 5, 9], 2) == [1, 9]  # chosen points have no grid
     assert 0 < len(few(_settings(lengths=(5, 5, 5)), range(125), 12)) <= 12
 
 
-def test_a_terminal_tells_few_points_within_its_width(tmp_path: Path) -> None:
+def test_the_terminal_lists_few_points_within_its_width(tmp_path: Path) -> None:
     screen = Console(width=80, record=True, file=io.StringIO())
     for line in campaign_lines(campaigns.fly(_grid(tmp_path, runs=2)), Path("x")):
         screen.print(line, soft_wrap=isinstance(line, str))
     shown = screen.export_text()
-    assert max(len(line) for line in shown.splitlines() if "again:" not in line) <= 80  # that one is to be copied
+    assert max(len(line) for line in shown.splitlines() if "again:" not in line) <= 80  # that line is for copying
     assert [line.split()[:3] for line in shown.splitlines() if line.split()[1:2] in (["0.2"], ["0.6"])] == [
         ["0", "0.2", "0.7"], ["1", "0.2", "0.8"], ["2", "0.6", "0.7"], ["3", "0.6", "0.8"],
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Plans of the linear aircraft: what it flies with, and what it does not have."""
+"""Plans of the linear aircraft: models, and settings that it does not support."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flightbed.trim import TrimPoint
 from flightbed.units import DEG, FT
 from tests.command_line import flightbed
 
-# override -> the line that it earns; estimators on the schedule are absolute
+# override -> error message; estimators on the schedule use the absolute input
 BEYOND = {
     "condition.mach=0.8": "condition.mach: must be 0.9 with the linear aircraft sillence (got 0.8)",
     "condition.altitude_ft=10000": "condition.altitude_ft: must be 20000.0 with the linear aircraft sillence (got 10000.0)",
@@ -34,13 +34,13 @@ BEYOND = {
 
 
 @pytest.mark.parametrize("override", list(BEYOND))
-def test_each_thing_that_a_linear_aircraft_does_not_have_is_refused(override: str) -> None:
+def test_each_unsupported_setting_of_a_linear_aircraft_is_an_error(override: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         plan(load_scenario("thesis-loss", [override]))
     assert caught.value.problems == (BEYOND[override],)
 
 
-def test_all_of_them_come_at_once(tmp_path: Path) -> None:
+def test_all_unsupported_settings_are_reported_at_once(tmp_path: Path) -> None:
     sets = [text for override in BEYOND for text in ("--set", override)]
     done = flightbed("run", "thesis-loss", *sets, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
@@ -58,38 +58,38 @@ def test_the_plan_of_the_shipped_scenario() -> None:
     assert found.scenario.aircraft.sha256 == found.aircraft.sha256
     level = Motion(found.aircraft.airspeed_m_s, 0.0, 0.0, 0.0, 20000 * FT)
     assert found.trim == TrimPoint(level, Controls(0.0, 0.0), residual=0.0)
-    assert plan(found.scenario).design.A.tolist() == found.design.A.tolist()  # bound to the aircraft, it is found again
+    assert plan(found.scenario).design.A.tolist() == found.design.A.tolist()  # the bound path loads the same aircraft
 
 
-def test_another_aircraft_than_the_one_that_was_flown_is_refused() -> None:
-    with pytest.raises(AircraftError, match=r"sillence is not the one that this scenario was flown with"):
+def test_an_aircraft_with_another_fingerprint_is_an_error() -> None:
+    with pytest.raises(AircraftError, match=r"sillence is not the aircraft of this scenario"):
         plan(load_scenario("thesis-loss", ["aircraft.sha256=ab12"]))
 
 
 @pytest.mark.parametrize("key", ["alpha_std_deg_s", "q_std_deg_s2"])
-def test_process_noise_is_not_for_a_nonlinear_aircraft(key: str) -> None:
+def test_process_noise_of_a_nonlinear_aircraft_is_an_error(key: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         plan(load_scenario("nominal", [f"process_noise.{key}=0.1"]))
     assert caught.value.problems == (
-        "process_noise: only a linear aircraft has it; what disturbs a nonlinear one is atmosphere.turbulence",
+        "process_noise: only linear aircraft have process noise; set atmosphere.turbulence instead",
     )
     assert caught.value.exit_code == 2
 
 
-def test_the_trim_is_that_of_the_condition() -> None:
-    """Of a climb: gamma = theta - alpha; numbers as they are given, in their units. The solver leaves some 1e-9 deg."""
+def test_the_trim_point_matches_the_condition() -> None:
+    """In a climb gamma = theta - alpha; values in the units of the scenario. The solver's residual is about 1e-9 deg."""
     point = plan(
         load_scenario("nominal", ["condition.gamma_deg=3", "condition.altitude_ft=12000", "condition.mach=0.7"])
     ).trim
     assert (point.theta_rad - point.alpha_rad) / DEG == pytest.approx(3.0, abs=1e-6)
     assert point.gamma_rad / DEG == pytest.approx(3.0, abs=1e-6)
     assert point.altitude_m == pytest.approx(12000 * FT, rel=1e-12)
-    # JSBSim's own air; its speed of sound is the standard's to 1 in 1000.
+    # JSBSim's atmosphere; its speed of sound is the standard's within 1 in 1000.
     assert point.airspeed_m_s == pytest.approx(0.7 * standard_air(12000 * FT).sound_m_s, rel=1e-3)
 
 
 class _Silent:
-    """A law that keeps its gains to itself."""
+    """A law without the attribute gains."""
 
     def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:
         return 0.0
@@ -100,15 +100,15 @@ def silent(_settings: object, _design: object, _control_hz: int) -> Law:
     return _Silent()
 
 
-def test_a_reference_is_not_cut_for_a_law_that_does_not_tell_its_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limit_command_needs_a_law_with_gains(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(registry._BUILT_IN["laws"], "silent", "tests.test_plan:silent")
     assert plan(load_scenario("thesis-loss", ["control.law=silent"])).gains is None
-    with pytest.raises(DesignError, match=r"adaptation\.limit_command: the law 'silent' does not tell its gains"):
+    with pytest.raises(DesignError, match=r"adaptation\.limit_command: needs a law with gains \(got 'silent'\)"):
         plan(load_scenario("thesis-loss", ["control.law=silent", "adaptation.limit_command=true"]))
     assert plan(load_scenario("thesis-loss", ["adaptation.limit_command=true"])).gains is not None
 
 
-def test_only_an_estimator_that_asks_for_it_gets_a_schedule() -> None:
+def test_the_schedule_is_loaded_only_for_a_scheduled_estimator() -> None:
     short = ["adaptation.enabled=false", "estimators=[{name='x', model='short-period'}]"]
     assert plan(load_scenario("nominal", short)).schedule is None
     more = "estimators.1={name='y', model='scheduled'}"

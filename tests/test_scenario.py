@@ -1,4 +1,4 @@
-"""Scenario files: every key reachable, every problem reported at once, in one line that names place, value and cure."""
+"""Scenario files: an override reaches every key; all problems are reported at once, each in one line with place, value and cure."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("duration_s=nan", "--set duration_s: must be finite (got nan)"),
         ("estimators.0.kind=loopgain", "--set estimators.0.kind: unknown estimator; did you mean loop-gain?; known: differentiated-rls, input-kalman, loop-gain, plid, retrospective-cost, two-stage (got 'loopgain')"),
         ("estimators.0.model=schedule", "--set estimators.0.model: must be 'scheduled' or 'short-period' (got 'schedule')"),
-        ("estimators.0.input=deviation", f"{FILE}: estimators.0.input: must be 'absolute' with model = 'scheduled', which knows no trim (got 'deviation')"),
+        ("estimators.0.input=deviation", f"{FILE}: estimators.0.input: must be 'absolute' with model = 'scheduled', which has no trim point (got 'deviation')"),
         ("failures.0.over_s=3", "--set failures.0.over_s: has no effect with failures.0.kind = 'effectiveness'"),
         ("failures.0.shift_cbar=0.1", "--set failures.0.shift_cbar: has no effect with failures.0.kind = 'effectiveness'"),
         ("failures.0.force_to=0.1", "--set failures.0.force_to: has no effect with failures.0.kind = 'effectiveness'"),
@@ -92,7 +92,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("estimators.0.bounds=[1,0]", f"{FILE}: estimators.0: bounds must rise (got [1.0, 0.0])"),
         ("estimators.0.bounds=[0,1,2]", "--set estimators.0.bounds: must have 2 values (got [0, 1, 2])"),
         ("estimators.1.name=scheduled", f"{FILE}: estimators.1.name: must be unique (got 'scheduled' twice)"),
-        ("adaptation.estimator=schedule", f"{FILE}: adaptation.estimator: no estimator is named 'schedule'; did you mean scheduled?; there is: scheduled, expanding"),
+        ("adaptation.estimator=schedule", f"{FILE}: adaptation.estimator: no estimator is named 'schedule'; did you mean scheduled?; known: scheduled, expanding"),
         ("control.law=pid", "--set control.law: unknown law; known: lq, nz-adaptive, nz-scheduled, proportional, proportional-integral (got 'pid')"),
         ("command.kind=dublet", "--set command.kind: unknown command; did you mean doublet?; known: 3-2-1-1, chirp, constant, dither, doublet, multisine, none, pulse, random (got 'dublet')"),
         ("atmosphere.turbulence=heavy", "--set atmosphere.turbulence: must be 'none', 'light', 'moderate' or 'severe' (got 'heavy')"),
@@ -100,7 +100,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("aircraft=3", "--set aircraft: must be a table (got 3)"),
         ("name=a b", "--set name: must be letters, digits, - and _, and start with a letter or digit (got 'a b')"),
         ("failures.2.to=.1", "--set failures.2.to=.1: '2' must be an index from 0 to 1 (1 adds one)"),
-        ("condition.mach.x=2", "--set condition.mach.x=2: 'x': there is no table here to reach into"),
+        ("condition.mach.x=2", "--set condition.mach.x=2: 'x': the value that contains it is not a table; use a key of the scenario"),
         ("seed", "--set seed: must be KEY=VALUE, for example --set failures.0.to=0.35"),
         ("control.poles=[[1,0],[-2,2],[-2,-2]]", f"{FILE}: control: poles must lie in the left half plane (got [[1.0, 0.0], [-2.0, 2.0], [-2.0, -2.0]])"),
         ("failures.0.at_s=16.495", f"{FILE}: failures.0.at_s: must be no later than the last tick, 16.49 s (got 16.495)"),
@@ -125,14 +125,14 @@ def test_each_problem_is_one_line_with_place_value_and_cure(override: str, messa
     ("kind", "override", "message"),
     [
         ("chirp", "command.high_hz=50", f"{FILE}: command.high_hz: must be below 50, half of rates.control_hz (got 50)"),
-        ("dither", "command.high_hz=50", f"{FILE}: command.high_hz: must be below 50, half of rates.control_hz (got 50)\n{FILE}: command.period_s: from low_hz to high_hz there must be 1 to 100 multiples of 1/period_s, narrow the band or shorten the period (got 225)"),
+        ("dither", "command.high_hz=50", f"{FILE}: command.high_hz: must be below 50, half of rates.control_hz (got 50)\n{FILE}: command.period_s: the band from low_hz to high_hz must hold 1 to 100 multiples of 1/period_s (got 225); narrow the band or shorten the period"),
         ("chirp", "command.low_hz=2.5", f"{FILE}: command.low_hz: must be no higher than high_hz = 2 (got 2.5)"),
         ("multisine", "command.low_hz=2.5", f"{FILE}: command.low_hz: must be no higher than high_hz = 2 (got 2.5)"),
-        ("multisine", "command.period_s=0.4", f"{FILE}: command.period_s: from low_hz to high_hz there must be 1 to 100 multiples of 1/period_s, widen the band or lengthen the period (got 0)"),
-        ("dither", "command.period_s=60", f"{FILE}: command.period_s: from low_hz to high_hz there must be 1 to 100 multiples of 1/period_s, narrow the band or shorten the period (got 109)"),
-        ("3-2-1-1", "command.period_s=0.06", f"{FILE}: command.period_s: must be at least 0.07, so that a pulse lasts a tick (got 0.06)"),
-        ("doublet", "command.period_s=0.01", f"{FILE}: command.period_s: must be at least 0.02, so that a pulse lasts a tick (got 0.01)"),
-        ("random", "command.switch_s=0.005", f"{FILE}: command.switch_s: must be at least 0.01, so that a pulse lasts a tick (got 0.005)"),
+        ("multisine", "command.period_s=0.4", f"{FILE}: command.period_s: the band from low_hz to high_hz must hold 1 to 100 multiples of 1/period_s (got 0); widen the band or lengthen the period"),
+        ("dither", "command.period_s=60", f"{FILE}: command.period_s: the band from low_hz to high_hz must hold 1 to 100 multiples of 1/period_s (got 109); narrow the band or shorten the period"),
+        ("3-2-1-1", "command.period_s=0.06", f"{FILE}: command.period_s: must be at least 0.07, so that each pulse lasts at least one tick (got 0.06)"),
+        ("doublet", "command.period_s=0.01", f"{FILE}: command.period_s: must be at least 0.02, so that each pulse lasts at least one tick (got 0.01)"),
+        ("random", "command.switch_s=0.005", f"{FILE}: command.switch_s: must be at least 0.01, so that each pulse lasts at least one tick (got 0.005)"),
         ("random", "command.register_bits=1", "--set command.register_bits: must be between 2 and 12 (got 1)"),
         ("random", "command.seed=-1", "--set command.seed: must be between 0 and 9223372036854775807 (got -1)"),
         ("random", "command.period_s=3", "--set command.period_s: has no effect with command.kind = 'random'"),
@@ -146,14 +146,14 @@ def test_each_problem_is_one_line_with_place_value_and_cure(override: str, messa
         ("none", "command.amplitude_deg_s=5", "--set command.amplitude_deg_s: has no effect with command.kind = 'none'"),
     ],
 )  # fmt: skip
-def test_commands_that_contradict_themselves_or_ignore_a_key(kind: str, override: str, message: str) -> None:
+def test_contradictory_commands_and_idle_keys_of_commands_are_errors(kind: str, override: str, message: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         load_scenario("elevator-loss", [f"command.kind={kind}", override])
     assert str(caught.value) == message
 
 
-def test_every_key_of_a_command_is_either_used_or_refused() -> None:
-    """By what is flown: a key changes the sampled command exactly if it may be set."""
+def test_every_key_of_a_command_is_either_used_or_an_error() -> None:
+    """A key changes the sampled command exactly if --set accepts it."""
     t = np.arange(4000) / 100
     changes = {"amplitude_deg_s": 1.5, "period_s": 7.7, "count": 2, "start_s": 1.3, "low_hz": 0.6, "high_hz": 1.1, "switch_s": 0.4, "register_bits": 5, "seed": 3}  # fmt: skip
     for kind in registry.names("commands"):
@@ -164,14 +164,14 @@ def test_every_key_of_a_command_is_either_used_or_refused() -> None:
             assert differs != (f"command.{key}" in idle_keys(settings)), (kind, key)
 
 
-def test_dither_is_small_unless_it_is_told_otherwise() -> None:
+def test_dither_has_a_small_default_amplitude() -> None:
     assert load_scenario("level-loss", ["command.kind=dither"]).command.amplitude_deg_s == 0.5
     assert load_scenario("level-loss", ["command.kind=multisine"]).command.amplitude_deg_s == 5.0
-    assert load_scenario("elevator-loss", ["command.kind=dither"]).command.amplitude_deg_s == 5.0  # the file says so
+    assert load_scenario("elevator-loss", ["command.kind=dither"]).command.amplitude_deg_s == 5.0  # set in the file
 
 
 @pytest.mark.parametrize("key", ["to=0.5", "force_to=0.5", "over_s=3", "surface=elevator"])
-def test_a_cg_shift_has_no_use_for_the_elevators_keys(key: str) -> None:
+def test_keys_of_the_elevator_have_no_effect_with_a_cg_shift(key: str) -> None:
     shift = ["failures.0.kind=cg-shift", "failures.0.at_s=3", "failures.0.shift_cbar=0.02"]
     with pytest.raises(
         ScenarioError,
@@ -180,13 +180,13 @@ def test_a_cg_shift_has_no_use_for_the_elevators_keys(key: str) -> None:
         load_scenario("nominal", [*shift, f"failures.0.{key}"])
 
 
-def test_what_a_kind_needs_may_be_its_default() -> None:
-    """A share of 1 that is written down is not missing."""
+def test_a_required_key_may_have_its_default_value() -> None:
+    """A share of 1 in the file is not missing."""
     whole = ["failures.0.kind=structural", "failures.0.at_s=3", "failures.0.to=1", "failures.0.force_to=1"]
     assert load_scenario("nominal", whole).failures[0].to == 1.0
 
 
-def test_all_problems_come_at_once(tmp_path: Path) -> None:
+def test_all_problems_are_reported_at_once(tmp_path: Path) -> None:
     path = tmp_path / "bad.toml"
     path.write_text('schema = 1\nname = "x"\n[condition]\nmach = "fast"\naltitud_ft = 3\n[[failures]]\nto = 2\n')
     with pytest.raises(ScenarioError) as caught:
@@ -212,7 +212,7 @@ def test_unreadable_files(tmp_path: Path) -> None:
         load_scenario(broken)
 
 
-def test_changes_are_told_in_the_description() -> None:
+def test_the_description_lists_the_overrides() -> None:
     scenario = load_scenario("elevator-loss", ["failures.0.to=0.35", "seed=2"])
     assert scenario.description.endswith("(changed: failures.0.to=0.35, seed=2)")
     assert load_scenario("elevator-loss", ["description=mine"]).description == "mine"
@@ -221,7 +221,7 @@ def test_changes_are_told_in_the_description() -> None:
         load_scenario(broken, ["seed=1"])
 
 
-def test_wrong_kinds_of_place_say_what_they_are(tmp_path: Path) -> None:
+def test_errors_name_the_kind_of_an_unreadable_path(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is a folder; name the TOML file in it"):
         load_scenario(tmp_path)
     with pytest.raises(InputError, match="cannot be read"):

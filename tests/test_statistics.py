@@ -1,4 +1,4 @@
-"""Spreads, ranks and intervals: against numpy and scipy done another way, and how often the intervals cover."""
+"""Spreads, ranks and intervals against independent numpy and scipy computations; coverage of the intervals."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_spread_is_median_and_percentiles_by_interpolation_of_the_sorted(rng: np
     assert (found.median, found.low, found.high) == pytest.approx((statistics.median(values), low, high), rel=1e-14)
 
 
-def test_spread_counts_what_never_happened_and_leaves_it_out() -> None:
+def test_spread_counts_and_excludes_missing_values() -> None:
     found = spread([None, 3.0, np.nan, 1.0, 2.0, None])
     assert (found.runs, found.missing, found.median) == (6, 3, 2.0)
     assert (found.low, found.high) == pytest.approx((1.1, 2.9))
@@ -37,7 +37,7 @@ def test_rank_counts_ties_half(rng: np.random.Generator) -> None:
     assert rank([1.0, 2.0, 2.0, 3.0], 2.0) == 0.5
 
 
-def test_what_never_happened_ranks_above_every_number() -> None:
+def test_missing_values_rank_above_every_number() -> None:
     values = [1.0, None, 2.0, None]
     assert [rank(values, v) for v in (0.5, 1.0, 1.5, 2.0, 1e300)] == [0.0, 0.125, 0.25, 0.375, 0.5]
 
@@ -49,11 +49,11 @@ def test_share_is_the_interval_of_clopper_and_pearson_by_quantiles_of_beta() -> 
         low = beta.ppf(0.025, k, n - k + 1) if k else 0.0
         high = beta.ppf(0.975, k + 1, n - k) if k < n else 1.0
         assert (found.estimate, found.runs) == (k / n, n)
-        assert (found.low, found.high) == pytest.approx((low, high), abs=1e-9)  # found there by a root search
+        assert (found.low, found.high) == pytest.approx((low, high), abs=1e-9)  # scipy uses a root search
 
 
 def test_share_covers_at_least_95_percent_of_the_time() -> None:
-    """Exactly: the probability of all counts whose interval holds the true share."""
+    """Exact: the probability of all counts whose interval contains the true share."""
     n = 24
     intervals = [share(k, n) for k in range(n + 1)]
     coverage = []
@@ -61,17 +61,17 @@ def test_share_covers_at_least_95_percent_of_the_time() -> None:
         covering = [k for k, i in enumerate(intervals) if i.low <= p <= i.high]
         coverage.append(float(np.sum(binom.pmf(covering, n, p))))
     assert min(coverage) >= 0.95
-    assert np.mean(coverage) < 0.99  # and is not simply wide
+    assert np.mean(coverage) < 0.99  # the interval is not needlessly wide
 
 
-def test_a_share_of_no_runs_is_refused() -> None:
+def test_a_share_of_no_runs_is_an_error() -> None:
     with pytest.raises(ValueError, match="n must be"):
         share(0, 0)
 
 
 @pytest.mark.parametrize("n", [6, 7, 15, 25, 100, 101])
 def test_the_medians_interval_covers_at_least_95_percent_and_no_wider(n: int) -> None:
-    """Exactly, for any continuous distribution: its ends are the k-th values from both sides; the next ones inside hold too little."""
+    """Exact for any continuous distribution: the ends are the k-th values from both sides; the next inner pair covers less than 95 %."""
     found = median_interval(np.arange(1.0, n + 1))
     k = round(found.low)
     assert (found.low, found.high) == (k, n + 1 - k)
@@ -80,7 +80,7 @@ def test_the_medians_interval_covers_at_least_95_percent_and_no_wider(n: int) ->
 
 
 @pytest.mark.parametrize("n", [1, 5])
-def test_too_few_values_say_nothing_of_the_median(n: int) -> None:
+def test_too_few_values_give_an_infinite_interval_of_the_median(n: int) -> None:
     assert median_interval([2.5] * n) == Interval(2.5, -np.inf, np.inf, n)
 
 
@@ -93,8 +93,8 @@ def test_the_medians_interval_is_that_of_scipys_quantile_test(rng: np.random.Gen
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_the_medians_interval_takes_what_never_happened(sign: float) -> None:
-    """Infinite differences are larger than any number, and say as much of the sign as numbers do."""
+def test_the_medians_interval_accepts_infinite_values(sign: float) -> None:
+    """An infinite difference has a sign and exceeds every finite one."""
     infinite = sign * np.inf
     assert median_interval([infinite] * 10) == Interval(infinite, infinite, infinite, 10)
     data = [infinite] * 3 + [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
@@ -102,7 +102,7 @@ def test_the_medians_interval_takes_what_never_happened(sign: float) -> None:
     assert median_interval(data) == Interval(ordered[5], ordered[1], ordered[9], 11)
 
 
-def test_an_outcome_is_of_those_that_stayed_and_of_those_that_went() -> None:
+def test_an_outcome_separates_complete_flights_and_early_ends() -> None:
     found = outcome([1.0, 9.0, 3.0, 2.0], [None, 7.5, None, None])
     assert (found.stayed.median, found.stayed.missing) == (2.0, 1)
     assert (found.gone_s.median, found.gone_s.missing) == (7.5, 3)

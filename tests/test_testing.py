@@ -1,4 +1,4 @@
-"""The check of an estimator's contract: flightbed's own keep it, and each way to break it is told."""
+"""The contract check of estimators: the built-in ones pass, and each violation has its message."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flightbed.testing import ContractError, check_estimator
 
 
 class Sound:
-    """Says nothing of K, and keeps the contract; each class below breaks it in one way."""
+    """A valid estimator without information about K; each class below violates the contract in one way."""
 
     def __init__(self, settings: EstimatorSettings, onboard: OnBoard) -> None:
         self.ticks = 0
@@ -58,7 +58,7 @@ class Raises(Sound):
 
 
 class DividesByNothing(Sound):
-    """Fails where nothing moves, and there alone."""
+    """Fails only without motion."""
 
     def say(self, estimate: Estimate) -> Any:
         return estimate._replace(nis=1.0 / abs(estimate.q_rad_s) if self.ticks > 1 else nan)
@@ -119,7 +119,7 @@ class Dice(Sound):
 
 
 class SharedState(Sound):
-    """In the class, and set anew by every instance: only two by turns notice."""
+    """State in the class, reset by every instance: only two alternating instances show it."""
 
     level: ClassVar[list[float]] = [0.0]
 
@@ -132,7 +132,7 @@ class SharedState(Sound):
 
 
 class SharedCount(Sound):
-    """In the class, and never set anew."""
+    """State in the class, never reset."""
 
     level: ClassVar[list[float]] = [0.0]
 
@@ -158,12 +158,12 @@ class Slow(Sound):
 
 @pytest.mark.parametrize("model", ["scheduled", "short-period"])
 @pytest.mark.parametrize("kind", registry.names("estimators"))
-def test_flightbeds_own_keep_it(kind: str, model: str) -> None:
-    # Of the kind by its factory nobody knows, and so not that its memory is another one.
+def test_built_in_estimators_keep_the_contract(kind: str, model: str) -> None:
+    # The check names the factory, not the kind, so the default memory of the kind does not apply.
     memory = {"memory": "variable", "window": 3} if kind == "two-stage" else {}
     checked = check_estimator(registry.factory("estimators", kind), settings={"model": model, **memory})
     assert 0.0 < checked.microseconds_per_update < 1e4
-    if model == "short-period":  # the plant is the model
+    if model == "short-period":  # plant and model are equal
         assert 0.0 < checked.error_healthy < 0.1
         assert 0.0 < checked.error_at_half < 0.05
         assert abs(checked.final_at_half - 0.5) < 0.1
@@ -171,7 +171,7 @@ def test_flightbeds_own_keep_it(kind: str, model: str) -> None:
     assert (checked.detected_after_s is not None) == tests
 
 
-def test_a_sound_one_passes_and_is_measured() -> None:
+def test_a_valid_estimator_passes_and_is_measured() -> None:
     checked = check_estimator(Sound, settings={"bounds": [0.0, 1.0], "options": {"gain": 2.0}})
     assert (checked.error_healthy, checked.error_at_half, checked.final_at_half) == (0.0, 0.5, 1.0)
     assert checked.detected_after_s is None
@@ -180,26 +180,26 @@ def test_a_sound_one_passes_and_is_measured() -> None:
 @pytest.mark.parametrize(
     ("broken", "lines"),
     [
-        (NoUpdate, ["update: a NoUpdate has none; give it a method update(measurement)"]),
-        (NoArguments, ["building: TypeError: NoArguments() takes no arguments; it is called with (settings, onboard)"]),
-        (BuildsNothing, ["building: test_testing.py:LINE ValueError: no such model; it is called with (settings, onboard)"]),
-        (Raises, ["update: raises ZeroDivisionError: float division by zero at test_testing.py:LINE in flight 'healthy'; let it go on"]),
-        (DividesByNothing, ["update: raises ZeroDivisionError: float division by zero at test_testing.py:LINE in flight 'nothing moves'; let it go on"]),
+        (NoUpdate, ["update: a NoUpdate has no such method; give it a method update(measurement)"]),
+        (NoArguments, ["building: TypeError: NoArguments() takes no arguments; accept the arguments (settings, onboard)"]),
+        (BuildsNothing, ["building: test_testing.py:LINE ValueError: no such model; accept the arguments (settings, onboard)"]),
+        (Raises, ["update: raises ZeroDivisionError: float division by zero at test_testing.py:LINE in flight 'healthy'; handle these readings"]),
+        (DividesByNothing, ["update: raises ZeroDivisionError: float division by zero at test_testing.py:LINE in flight 'nothing moves'; handle these readings"]),
         (SaysNothing, ["estimate: update returns a NoneType at tick 0 of 'healthy'; return a flightbed.Estimate"]),
-        (Arrays, ["effectiveness_raw: is a ndarray at tick 0 of 'healthy'; make it a plain number, float(x)"]),
-        (NotFinite, ["effectiveness: is nan at tick 0 of 'healthy'; give a finite number, however large its std", "effectiveness_std: is inf at tick 0 of 'healthy'; give a finite number, however large its std"]),
-        (NegativeStd, ["effectiveness_std: is -0.1 at tick 0 of 'healthy'; it cannot be negative"]),
-        (NegativeNis, ["nis: is -1 at tick 0 of 'healthy'; it cannot be negative"]),
-        (BeyondItsBounds, ["effectiveness: is 1.5 at tick 0 of 'healthy', outside settings.bounds [0, 1]; clip it; effectiveness_raw is what it was before"]),
-        (SmoothsBeyond, ["effectiveness_smoothed: is -3 at tick 0 of 'healthy', which no smoothing of 0 to 1, begun at 1, can give; the law divides by it: smooth what lies within the bounds"]),
-        (ChangesOnBoard, ["onboard: what is on board was changed in flight (design.A); copy what you want to change"]),
-        (ForgetsAlarms, ["alarms: fall from 1 to 0 at tick 100 of 'healthy'; count all alarms so far"]),
-        (Dice, ["repeatable: a second one says something else of the same readings, from tick 0 on; let it depend on nothing but its arguments; draw what is random from np.random.default_rng(0) of its own"]),
-        (SharedCount, ["repeatable: a second one says something else of the same readings, from tick 0 on; let it depend on nothing but its arguments; draw what is random from np.random.default_rng(0) of its own"]),
-        (SharedState, ["own state: two that are fed by turns disturb each other, from tick 1 on; keep all state in self, none in the class, the module or a default argument"]),
+        (Arrays, ["effectiveness_raw: is a ndarray at tick 0 of 'healthy'; convert it with float(x)"]),
+        (NotFinite, ["effectiveness: is nan at tick 0 of 'healthy'; return a finite number, with a large std if it is uncertain", "effectiveness_std: is inf at tick 0 of 'healthy'; return a finite number, with a large std if it is uncertain"]),
+        (NegativeStd, ["effectiveness_std: is -0.1 at tick 0 of 'healthy'; return a value of at least 0"]),
+        (NegativeNis, ["nis: is -1 at tick 0 of 'healthy'; return a value of at least 0"]),
+        (BeyondItsBounds, ["effectiveness: is 1.5 at tick 0 of 'healthy', outside settings.bounds [0, 1]; clip it; effectiveness_raw is the value before clipping"]),
+        (SmoothsBeyond, ["effectiveness_smoothed: is -3 at tick 0 of 'healthy', outside [0, 1]; the law divides by it: smooth the value within the bounds"]),
+        (ChangesOnBoard, ["onboard: modified in flight (design.A); modify a copy"]),
+        (ForgetsAlarms, ["alarms: decreases from 1 to 0 at tick 100 of 'healthy'; count all alarms since the start"]),
+        (Dice, ["repeatable: a second estimator gives other estimates for the same readings, from tick 0 on; depend on the arguments only; draw random numbers from an own np.random.default_rng(0)"]),
+        (SharedCount, ["repeatable: a second estimator gives other estimates for the same readings, from tick 0 on; depend on the arguments only; draw random numbers from an own np.random.default_rng(0)"]),
+        (SharedState, ["own state: two estimators in alternation affect each other, from tick 1 on; keep all state in self, not in the class, the module or a default argument"]),
     ],
 )  # fmt: skip
-def test_each_way_to_break_it_is_told_in_a_line(broken: Any, lines: list[str]) -> None:
+def test_each_violation_has_one_line(broken: Any, lines: list[str]) -> None:
     with pytest.raises(ContractError) as caught:
         check_estimator(broken)
     source, first = inspect.getsourcelines(broken)
@@ -209,17 +209,17 @@ def test_each_way_to_break_it_is_told_in_a_line(broken: Any, lines: list[str]) -
     assert isinstance(caught.value, AssertionError)
 
 
-def test_memory_that_grows_is_told_with_how_much() -> None:
-    with pytest.raises(ContractError, match=r"^memory: grows by \d\d bytes at every tick; keep the last samples only"):
+def test_growing_memory_is_reported_in_bytes_per_tick() -> None:
+    with pytest.raises(ContractError, match=r"^memory: grows by \d\d bytes at every tick; store the last samples only"):
         check_estimator(NeverForgets)
 
 
-def test_one_that_is_slower_than_the_tick_is_told_at_once() -> None:
+def test_an_update_slower_than_the_tick_is_reported_first() -> None:
     with pytest.raises(ContractError, match=r"^time: an update takes 1\d\d\d\d us, the tick has 10000 us"):
         check_estimator(Slow)
 
 
-def test_several_violations_come_together() -> None:
+def test_several_violations_are_reported_together() -> None:
     class Several(Sound):
         def say(self, estimate: Estimate) -> Any:
             return estimate._replace(effectiveness_std=-1.0, nis=-1.0, effectiveness=2.0)
@@ -229,7 +229,7 @@ def test_several_violations_come_together() -> None:
     assert [line.partition(":")[0] for line in caught.value.violations] == ["effectiveness", "effectiveness_std", "nis"]
 
 
-def test_what_only_the_nonlinear_aircraft_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_violation_on_the_nonlinear_aircraft_only(monkeypatch: pytest.MonkeyPatch) -> None:
     outdoors: list[bool] = []
 
     def assemble(planned: Plan) -> Flight:

@@ -1,4 +1,4 @@
-"""The tables and keys of scenarios and campaigns. The only folder that imports pydantic."""
+"""The tables and keys of scenarios and campaigns. No other folder imports pydantic."""
 
 from pydantic import ValidationError as ValidationError
 

@@ -1,4 +1,4 @@
-"""What the tables of scenarios and campaigns are made of: frozen, strict, with values that say what they may be."""
+"""Base classes and value types of the scenario and campaign tables: frozen, strict, each value with its range."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from flightbed.options import Options, is_option
 
 
 def between(low: float, high: float, *, open_low: bool = False) -> AfterValidator:
-    """Take a number between two, both included, or the lower one left out."""
+    """Return a validator that accepts low <= value <= high, or low < value <= high with ``open_low``."""
     text = f"must be above {low} and at most {high}" if open_low else f"must be between {low} and {high}"
 
     def check(value: float) -> float:
@@ -35,18 +35,18 @@ def between(low: float, high: float, *, open_low: bool = False) -> AfterValidato
 
 
 def registered(family: str) -> AfterValidator:
-    """Take a name of a family of the registry."""
+    """Return a validator that accepts the registered names of a family, such as "estimators"."""
 
     def check(value: str) -> str:
         known = registry.names(family)
         if value not in known:
-            if problem := registry.outside(value):
+            if problem := registry.permission_problem(value):
                 raise PydanticCustomError("outside", "{problem}", {"problem": problem})
-            what, near = family.removesuffix("s"), did_you_mean(value, known)
+            kind, near = family.removesuffix("s"), did_you_mean(value, known)
             raise PydanticCustomError(
                 "registered",
-                "unknown {what}{near}; known: {known}",
-                {"what": what, "near": near, "known": ", ".join(known)},
+                "unknown {kind}{near}; known: {known}",
+                {"kind": kind, "near": near, "known": ", ".join(known)},
             )
         return value
 
@@ -76,13 +76,13 @@ Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 
 
 class Settings(BaseModel):
-    """A table: frozen, strict, no unknown keys, no infinite numbers."""
+    """Base class of a table: frozen, strict, without unknown keys and without infinite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
 
 
 class OwnSettings(Settings):
-    """A table that names code, which may be the user's own and then has options of its own."""
+    """Base class of a table that names code; external code reads its own keys from ``options``."""
 
     options: OwnOptions = Options()
 
@@ -93,7 +93,7 @@ class OwnSettings(Settings):
 
 
 def known_keys(model: Any, loc: Sequence[int | str]) -> list[str]:
-    """Return the keys of the table at a place in a scenario or campaign, of which ``model`` is the class."""
+    """Return the keys of the table at location ``loc`` of a scenario or campaign; ``model`` is the class of the whole file."""
     for part in loc:
         if isinstance(part, int):
             continue

@@ -1,4 +1,4 @@
-"""The tables and keys of a campaign file, frozen, each with what it may be."""
+"""Tables and keys of a campaign file: frozen, each key with its type and range."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _problem(text: str) -> PydanticCustomError:
 
 
 class AxisSettings(Settings):
-    """A key of the scenario and what it takes: values, a range of values, or one that is drawn anew for every flight."""
+    """A scenario key and its values: a list, an evenly spaced range, or one random draw per flight."""
 
     key: str
     values: Annotated[tuple[OptionValue, ...], Field(min_length=1)] | None = None
@@ -55,7 +55,9 @@ class AxisSettings(Settings):
         if missing := [key for key in needs if key not in given]:
             raise _problem(f"{'distribution ' if self.is_drawn else ''}'{kind}' needs {' and '.join(missing)} too")
         if extra := sorted(given - set(needs) - may):
-            raise _problem(f"{', '.join(extra)}: cannot go with {'distribution ' if self.is_drawn else ''}'{kind}'")
+            raise _problem(
+                f"{', '.join(extra)}: cannot be combined with {'distribution ' if self.is_drawn else ''}'{kind}'"
+            )
         if self.low is not None and self.high is not None and self.low >= self.high:
             raise _problem(f"low must be below high (got {self.low:g} and {self.high:g})")
         if self.distribution == "normal" and self.mean is not None:
@@ -66,7 +68,7 @@ class AxisSettings(Settings):
 
 
 class Criterion(Settings):
-    """What a flight has to keep to pass: a metric (column of the table) that equals something, or lies between two numbers."""
+    """A condition that a flight must meet to pass: a metric (table column) equals a value, or lies between min and max."""
 
     metric: str
     equals: str | bool | int | float | None = None
@@ -74,18 +76,18 @@ class Criterion(Settings):
     max: Number | None = None
 
     @model_validator(mode="after")
-    def _says_something(self) -> Criterion:
+    def _has_condition(self) -> Criterion:
         if self.equals is None and self.min is None and self.max is None:
             raise _problem("needs equals, min or max")
         if self.equals is not None and (self.min is not None or self.max is not None):
-            raise _problem("equals cannot go with min or max")
+            raise _problem("equals cannot be combined with min or max")
         if self.min is not None and self.max is not None and self.min > self.max:
             raise _problem(f"min must be at most max (got {self.min:g} and {self.max:g})")
         return self
 
 
 class Traces(Settings):
-    """Whose traces are kept: nobody's, the worst flight's, or those of the flights with these indices."""
+    """Selection of the traces to keep: none, the worst flight of the campaign, or the flights with these indices."""
 
     keep: Literal["none", "worst", "chosen"] = "none"
     indices: tuple[Annotated[int, between(0, 10_000_000)], ...] = ()
@@ -98,7 +100,7 @@ class Traces(Settings):
 
 
 class Histories(Settings):
-    """Which points keep histories: as many as is sensible, none, or those with these numbers."""
+    """Selection of the points whose histories are kept: automatic (all, or twelve that span the grid), none, or chosen numbers."""
 
     keep: Literal["auto", "none", "chosen"] = "auto"
     points: Annotated[tuple[Annotated[int, between(0, 100_000)], ...], Field(max_length=100)] = ()
@@ -111,7 +113,7 @@ class Histories(Settings):
 
 
 class CampaignSettings(Settings):
-    """A campaign: a base scenario, what is varied, how often each point is flown, what a flight has to keep."""
+    """A campaign: base scenario, varied keys, flights per point, pass criteria."""
 
     schema_version: Literal[1] = Field(alias="schema")
     name: Identifier
@@ -137,16 +139,16 @@ class CampaignSettings(Settings):
         ]
         lengths = {a.key: len(a.values) if a.values is not None else a.count or 0 for a in self.axes if not a.is_drawn}
         if self.combine == "paired" and len(set(lengths.values())) > 1:
-            told = ", ".join(f"{key} {count}" for key, count in lengths.items())
-            problems.append(f"axes: combine = 'paired' needs as many values of each (got {told})")
+            counts = ", ".join(f"{key} {count}" for key, count in lengths.items())
+            problems.append(f"axes: combine = 'paired' needs the same number of values for every key (got {counts})")
         if problems:
             raise _problem("\n".join(problems))
         return self
 
     def to_toml(self) -> str:
-        """Return the campaign as a file, with every key that says something."""
+        """Return the campaign as TOML text, without the keys that are None."""
         return tomli_w.dumps(self.to_dict())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return nested plain values."""
+        """Return nested plain values, ready for JSON."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)

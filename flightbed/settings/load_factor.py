@@ -1,4 +1,4 @@
-"""The tables of a flight that is commanded in g: what is identified, and the throttle."""
+"""Tables of flights commanded in load factor (g): online identification and autothrottle."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from flightbed.settings.base import NonNegative, Positive, Settings, Share, betw
 
 
 class Identification(Settings):
-    """Of the law nz-adaptive: PLID's noises and start, and what keeps its gains calm.
+    """Online identification of the law nz-adaptive: PLID's prior and noise variances (g^2), and filters of gains and command (rad/s).
 
-    The thesis has prior = "thesis", prior_var = 1 and neither filter.
+    Kemp's thesis uses prior = "thesis", prior_var = 1 and neither filter.
     """
 
     prior: Literal["linearization", "thesis"] = "linearization"
@@ -26,9 +26,9 @@ class Identification(Settings):
 
 
 class Autothrottle(Settings):
-    """Of a flight that is commanded in g: bang-bang on airspeed, that of the start.
+    """Bang-bang autothrottle of flights commanded in g; it holds the initial true airspeed.
 
-    With then_fps above 0 it holds that from then_at_s on.
+    With then_fps > 0 it holds then_fps (ft/s) from then_at_s on. Throttle settings are normalized, 0 to 1.
     """
 
     enabled: bool = False

@@ -1,4 +1,4 @@
-"""The tables and keys of a scenario, frozen, each with what it may be."""
+"""Tables and keys of a scenario: frozen, each key with its type and range."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LOAD_FACTOR_LAWS = ("nz-adaptive", "nz-scheduled")  # commanded in g
 
 
 class AircraftSettings(Settings):
-    """Which aircraft; its fingerprint, if it must be that very one; c.g. shift in mean chords, aft positive."""
+    """Aircraft model; optional SHA-256 fingerprint, which excludes every other aircraft; c.g. shift in mean chords, aft positive."""
 
     model: str = "f16"
     sha256: str = ""
@@ -26,7 +26,7 @@ class AircraftSettings(Settings):
 
 
 class Condition(Settings):
-    """Where the flight starts, trimmed; gamma is the flight-path angle, up positive."""
+    """Trimmed initial condition; gamma is the flight-path angle, up positive."""
 
     mach: Positive = 0.8
     altitude_ft: Annotated[float, between(0, 60000)] = 20000.0
@@ -34,7 +34,7 @@ class Condition(Settings):
 
 
 class Rates(Settings):
-    """The plant rate is an integer multiple of the control rate; a command reaches the actuator delay_ticks control ticks late."""
+    """Control and plant rates, Hz, and the command delay of delay_ticks control ticks; plant_hz is an integer multiple of control_hz."""
 
     control_hz: Annotated[int, between(10, 1000)] = 100
     plant_hz: Annotated[int, between(10, 2000)] = 200
@@ -74,41 +74,41 @@ class _RateCommand(_Shape):
 
 
 class Command(_RateCommand):
-    """Pitch-rate or load-factor command and its prefilter w/(s+w); keys that a kind has no use for stay unused."""
+    """Pitch-rate or load-factor command and its prefilter w/(s+w); each kind ignores the keys that it does not need."""
 
     amplitude_g: float = 1.0
 
     def in_g(self) -> Command:
-        """Return the command whose rad/s are this one's g."""
+        """Return a command whose pitch rate in rad/s equals this command's increment in g."""
         return self.model_copy(update={"amplitude_deg_s": self.amplitude_g / DEG})
 
 
 class RollCommand(_RateCommand):
-    """Roll-rate command and its prefilter, as Command, but without a kind there is none."""
+    """Roll-rate command and its prefilter, with the keys of Command; the default kind is "none"."""
 
     kind: Annotated[str, registered("commands")] = "none"
 
     def as_command(self) -> Command:
-        """Return the same as a Command."""
+        """Return the equivalent Command."""
         return Command(**{key: getattr(self, key) for key in _RateCommand.model_fields})
 
 
 class SideslipCommand(_Shape):
-    """Sideslip command and its prefilter: the shapes of Command, in degrees; without a kind there is none."""
+    """Sideslip command in degrees and its prefilter, with the shapes of Command; the default kind is "none"."""
 
     kind: Annotated[str, registered("commands")] = "none"
     amplitude_deg: float = 2.0
 
     def as_command(self) -> Command:
-        """Return the command whose deg/s are this one's deg."""
+        """Return a Command whose pitch rate in deg/s equals this sideslip in deg."""
         shape = {key: getattr(self, key) for key in _Shape.model_fields}
         return Command(**shape, amplitude_deg_s=self.amplitude_deg)
 
 
 class Lateral(Settings):
-    """Roll and yaw taken over from the stock laws: what is commanded, and what the regulator weighs.
+    """Roll and yaw control that replaces the stock laws: commands and weights of the LQ regulator.
 
-    The weights are Bryson's: each state and surface counts by the square of its share of the number here.
+    The weights follow Bryson's rule: the cost of a state or surface is the square of its ratio to the value given here.
     """
 
     enabled: bool = False
@@ -122,7 +122,7 @@ class Lateral(Settings):
 
 
 class Sensors(Settings):
-    """Standard deviations of white noise, per tick; constant errors that nothing on board knows of (of Mach, a share)."""
+    """Standard deviations of the white noise per tick, and constant sensor errors unknown on board (Mach number: relative error)."""
 
     alpha_std_deg: Positive = 0.03
     q_std_deg_s: Positive = 0.1108
@@ -149,10 +149,10 @@ class Atmosphere(Settings):
 
 
 class ModelError(Settings):
-    """What nobody on board knows of.
+    """Errors of the on-board model, unknown to the flight computer.
 
-    Factors on the estimators' C_m_alpha (its change from trim), C_m_q and C_m_delta; c.g. and fuel of the aircraft that flies, less those
-    of the aircraft that was trimmed and modelled.
+    Factors on the estimators' C_m_alpha (change from trim), C_m_q and C_m_delta; c.g. (mean chords) and fuel (lb) of the aircraft in
+    flight minus those of the aircraft that was trimmed and modelled.
     """
 
     cm_alpha: Annotated[float, between(0, 10)] = 1.0
@@ -163,14 +163,14 @@ class ModelError(Settings):
 
 
 class ProcessNoise(Settings):
-    """Of a linear aircraft: standard deviations of an alpha rate and a pitch acceleration, white, each held for one control tick."""
+    """Process noise of a linear aircraft: standard deviations of white alpha rate and pitch acceleration, held for one control tick."""
 
     alpha_std_deg_s: NonNegative = 0.0
     q_std_deg_s2: NonNegative = 0.0
 
 
 class GustSettings(Settings):
-    """Vertical air, up positive: rises to its peak as 1-cos from at_s on, holds, and falls as it rose; or a sine from at_s on."""
+    """Vertical gust, up positive, from at_s on: a 1-cos rise to the peak, a hold and a mirrored fall; or a sine."""
 
     shape: Literal["1-cos", "sine"] = "1-cos"
     at_s: NonNegative
@@ -181,7 +181,7 @@ class GustSettings(Settings):
 
 
 class Failure(OwnSettings):
-    """What fails from at_s on; which other keys a kind needs, and has no use for, says consistency.py."""
+    """A failure from at_s on; ``consistency.py`` lists the keys that each kind needs or ignores."""
 
     kind: Annotated[str, registered("failures")] = "effectiveness"
     surface: Literal["elevator", "aileron", "rudder"] = "elevator"
@@ -195,7 +195,7 @@ class Failure(OwnSettings):
 
 
 class GainSettings(Settings):
-    """Gains as they are, summed with the signs of ``control.base.Gains``."""
+    """Given gains of the pitch law, with the signs of ``control.base.Gains``."""
 
     alpha: float
     q_s: float
@@ -205,7 +205,7 @@ class GainSettings(Settings):
 
 
 class PitchWeights(Settings):
-    """Of the law lq, by Bryson's rule: how much of each is as bad as that much of the others."""
+    """Weights of the law lq by Bryson's rule: these deviations of alpha, q and elevator cost the same."""
 
     alpha_deg: Positive = 3.0
     q_deg_s: Positive = 3.0
@@ -213,9 +213,9 @@ class PitchWeights(Settings):
 
 
 class Control(OwnSettings):
-    """The law; without poles and gains, near the poles of Sillence's Table 3 (see docs/control.md).
+    """The control law; without poles and gains it is designed near the poles of Sillence's Table 3 (see docs/control.md).
 
-    The law is fed the readings, or alpha and q of the estimator that ``state_from`` names.
+    The law reads the sensors, or alpha and q of the estimator named by ``state_from``.
     """
 
     law: Annotated[str, registered("laws")] = "proportional"
@@ -237,9 +237,9 @@ class Control(OwnSettings):
 
 
 class Adaptation(Settings):
-    """Correction by 1/K-hat, from one of the estimators; the oracle is told the true K, for studies.
+    """Correction of the law by 1/K-hat of one estimator; ``oracle`` uses the true K, for studies.
 
-    With method = "redesign" the laws, which must be lq, are designed anew for K-hat instead, once its estimator has confirmed a change.
+    method = "redesign" instead redesigns the laws, which must be lq, for K-hat once the estimator has confirmed a change.
     """
 
     enabled: bool = False
@@ -253,9 +253,9 @@ class Adaptation(Settings):
 
 
 class Prior(Settings):
-    """What a filter starts from; state = "measurement" starts alpha and q from the readings.
+    """Prior of a filter; state = "measurement" initializes alpha and q from the readings.
 
-    A fixed state holds at the sample at which a filter starts; the reading of that sample corrects it, or is left out.
+    A fixed state is the prior at the first sample of the filter; ``first_reading`` decides whether the reading of that sample corrects it.
     """
 
     state: Literal["measurement", "fixed"] = "measurement"
@@ -268,7 +268,7 @@ class Prior(Settings):
     effectiveness_std: Positive = 0.63
 
 
-# What a loop-gain estimator is without a word about it: by the model that it works on. On the short period it is the thesis's.
+# Defaults of a loop-gain estimator that depend on its model. On the short period they are those of Sillence's thesis.
 _BY_MODEL = MappingProxyType(
     {
         "short-period": MappingProxyType(
@@ -283,7 +283,8 @@ _BY_MODEL = MappingProxyType(
     }
 )
 
-# And by its kind: the two-stage filter has no window, and its test averages few samples; the test of a reconstruction takes more.
+# Defaults that depend on the kind: the two-stage filter has no window, and its test averages few samples; the test of a reconstruction
+# averages more.
 _BY_KIND = MappingProxyType(
     {
         "two-stage": MappingProxyType({"memory": "variable", "window": 3}),
@@ -294,7 +295,7 @@ _BY_KIND = MappingProxyType(
 
 
 class EstimatorSettings(OwnSettings):
-    """One estimator; several may run side by side, at most one adapts. The defaults of some keys depend on the kind and the model."""
+    """One estimator; several may run side by side, at most one corrects the law. Some defaults depend on the kind and the model."""
 
     name: Identifier
     kind: Annotated[str, registered("estimators")] = "loop-gain"
@@ -347,7 +348,7 @@ class EstimatorSettings(OwnSettings):
 
 
 class Scenario(Settings):
-    """One flight, completely."""
+    """Complete specification of one flight."""
 
     schema_version: Literal[1] = Field(alias="schema")
     name: Identifier
@@ -376,11 +377,11 @@ class Scenario(Settings):
 
     @property
     def in_g(self) -> bool:
-        """Whether the law is commanded in g, and not in pitch rate."""
+        """Whether the command is a load factor in g instead of a pitch rate."""
         return self.control.law in LOAD_FACTOR_LAWS
 
     def with_aircraft(self, model: str, sha256: str) -> Scenario:
-        """Return the scenario bound to one very aircraft."""
+        """Return the scenario bound to the aircraft with this path and SHA-256 fingerprint."""
         return self.model_copy(update={"aircraft": self.aircraft.model_copy(update={"model": model, "sha256": sha256})})
 
     def with_seed(self, seed: int) -> Scenario:
@@ -388,5 +389,5 @@ class Scenario(Settings):
         return self.model_copy(update={"seed": seed})
 
     def to_toml(self) -> str:
-        """Return the scenario with every key written out."""
+        """Return the scenario as TOML text, with every key written out."""
         return tomli_w.dumps(self.model_dump(mode="json", by_alias=True, exclude_none=True))

@@ -78,7 +78,7 @@ def test_an_aircraft_that_the_fixed_law_loses_is_kept() -> None:
     ("override", "problem"),
     [
         ("control.law=proportional", "control.law: must be 'lq'"),
-        ("adaptation.oracle=true", "adaptation.oracle: cannot go with method = 'redesign'"),
+        ("adaptation.oracle=true", "adaptation.oracle: cannot be combined with method = 'redesign'"),
         (
             'estimators.0={name="two-stage", kind="loop-gain", alarm_threshold=0.0}',
             "adaptation.estimator: must raise alarms",

@@ -82,10 +82,11 @@ def nearness(runs: int, executor: Executor | None) -> None:
     jobs = [Job(_with_both(name, LONG, *settings), runs, ALL) for name, settings in cases.items()]
     print(
         f"\n1. Error of the reconstruction, deg, and of K from 0.3 s after the loss; {runs} flights, medians (95 % interval);"
-        " of K the median error, and the RMS error of the smoothed K, in which the transient is"
+        " of K the median error, and the RMS error of the smoothed K, which includes the transient"
     )
     print(
-        "| flight | what acts, RMS | method | RMS error | least, at a delay of ticks | error of K | scheduled filter | window of 100 |"
+        "| flight | acting deflection, RMS | method | RMS error | smallest, at a delay of ticks | error of K | "
+        "scheduled filter | window of 100 |"
     )
     print("|---|---|---|---|---|---|---|---|")
     for name, flights in zip(cases, fly_jobs(jobs, executor=executor), strict=True):

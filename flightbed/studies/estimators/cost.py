@@ -9,7 +9,7 @@ from functools import partial
 from flightbed.assembly import assemble
 from flightbed.estimation.base import Commanded
 from flightbed.extension import Extension, Packed, carried
-from flightbed.loop import fly, teller
+from flightbed.loop import fly, updater
 from flightbed.plan import Plan, plan
 from flightbed.settings import Scenario
 from flightbed.signals import Sample
@@ -47,13 +47,13 @@ def _ways(scenario: Scenario) -> dict[str, Callable[[], float]]:
 def _update_us(planned: Plan, index: int, samples: list[Sample]) -> float:
     """Return the time of one update, us; of a new estimator, built before the time is taken."""
     estimator = assemble(planned).estimators[index]
-    tell: Callable[..., object] = teller(estimator)
+    update: Callable[..., object] = updater(estimator)
     hears: Callable[[float], object] | None = estimator.commanded if isinstance(estimator, Commanded) else None
     given = [(s.measurement, s.lateral and s.lateral.measurement, s.elevator_cmd_rad) for s in samples]
 
     def feed() -> None:
         for pitch, lateral, command in given:
-            tell(pitch, lateral)
+            update(pitch, lateral)
             if hears is not None:
                 hears(command)
 
