@@ -198,9 +198,9 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
     table, claims, facts = document.tables()[0], document.claims(), document.facts
     wide = len(table.columns) > _WIDE
     yield Text(document.title, style="bold")
-    grid = Table(box=None, header_style="dim", padding=(0, 1))
+    grid = Table(box=None, header_style="dim", padding=(0, 1, 0, 0) if wide else (0, 1))
     for i, column in enumerate(table.columns):
-        grid.add_column(escape(column), no_wrap=not wide or i == 0, min_width=max(map(len, column.split())))
+        grid.add_column(escape(column), no_wrap=not wide or i == 0, overflow="fold" if wide else "ellipsis")
     for row in table.rows:
         cells = [cell.estimate if wide and isinstance(cell, Interval) else cell for cell in row]
         grid.add_row(*(escape(cell) for cell in table.cell_texts(cells)))

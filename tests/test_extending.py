@@ -113,7 +113,7 @@ def test_every_command_of_the_page_flies(outputs: dict[str, str]) -> None:
         text for line, text in outputs.items() if line.startswith("flightbed reproduce estimators --runs 3")
     )
     assert re.search(
-        r"^ pitch-ls +\d+\.\d +0\.0\d{3} ", reproduced, flags=re.MULTILINE
+        r"^ *pitch-ls +\d+\.\d +0\.0\d{3} ", reproduced, flags=re.MULTILINE
     )  # time of an update, error of K
     assert 0.0 < float(outputs["python"]) < 0.1
 
