@@ -19,8 +19,9 @@ from flightbed.histories_file import write_histories
 from flightbed.journal import Journal
 from flightbed.mission import run as fly_one
 from flightbed.percentiles import SAMPLE
-from flightbed.programme import Programme, Values, scenario_of, versions
+from flightbed.programme import Programme, Values, scenario_of
 from flightbed.statistics import Interval
+from flightbed.versions import versions
 
 
 def finish(campaign: Campaign, book: Journal) -> None:

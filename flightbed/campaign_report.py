@@ -19,11 +19,11 @@ from flightbed.extension import at_hand, permits
 from flightbed.figures import pictures
 from flightbed.naming import numbered
 from flightbed.percentiles import PERCENTILES
-from flightbed.programme import versions
 from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.report import ESTIMATOR_METRICS, again
 from flightbed.statistics import Interval
 from flightbed.units import unit_of
+from flightbed.versions import versions
 
 Line = tuple[str, str, list[float]]  # name, colour, values
 

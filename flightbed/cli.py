@@ -309,7 +309,7 @@ def campaign(
         workers: Processes that fly, all cores without it; the results do not depend on it.
         scheduler: tcp://HOST:PORT of a dask scheduler whose workers fly instead; needs the extra `distributed`.
         out: Folder to write; a finished campaign in it is replaced. Without it: campaigns/NAME, or campaigns/NAME-2, ... if that exists.
-        resume: Go on with an unfinished campaign: only what is missing is flown.
+        resume: Continue an unfinished campaign: fly only the missing flights.
         set_: KEY=VALUE, replaces one key of the (base) scenario, as in --set failures.0.to=0.35; repeat --set for each key.
         use: MODULE:ATTRIBUTE or FILE.py:ATTRIBUTE, code outside flightbed that the scenario names and that may be imported and run.
         json: Print what summary.json holds, and the folder, as JSON and nothing else on stdout.
@@ -345,6 +345,7 @@ def reproduce(
     runs: Annotated[int | None, Parameter(show_default=False)] = None,
     out: Path | None = None,
     workers: Annotated[int | None, Parameter(show_default=False)] = None,
+    scheduler: Annotated[str | None, Parameter(show_default=False)] = None,
     json: Flag = False,
 ) -> None:
     """Recompute a published study, ours beside the printed values, and leave a folder with report and results.
@@ -354,20 +355,22 @@ def reproduce(
         runs: Flights of each case; without it, as many as the study takes.
         out: Folder to write; an earlier study in it is replaced. Without it: studies/NAME, or studies/NAME-2, ... if that exists.
         workers: Processes that fly, all cores without it; the results do not depend on it.
+        scheduler: tcp://HOST:PORT of a dask scheduler whose workers fly instead; needs the extra `distributed`.
         json: Print what results.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
-    from flightbed import ensemble, folder, registry
+    from flightbed import folder, registry
+    from flightbed.engine import opener
     from flightbed.screen import progress_bar, study_lines
     from flightbed.studies.base import reproduce as recompute
 
     chosen = registry.factory("studies", study)()
-    for option, value in (("--runs", runs), ("--workers", workers)):
-        if value is not None and value < 1:
-            raise InputError(f"{option}: must be at least 1 (got {value})")
+    if runs is not None and runs < 1:
+        raise InputError(f"--runs: must be at least 1 (got {runs})")
+    executor = opener(workers, scheduler)
     place = out if out is not None else Path("studies") / study
     target = folder.check_target(place, replace=out is not None, files=folder.STUDY_FILES)
-    with progress_bar() as progress, ensemble.processes(workers) as executor:
+    with progress_bar() as progress:
         document = recompute(chosen, runs or chosen.runs, executor=executor, progress=progress)
     written = folder.write_study(document, target, replace=out is not None)
     if json:

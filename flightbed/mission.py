@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import platform
 import time
 from array import array
 from collections.abc import Iterator
@@ -37,6 +36,7 @@ from flightbed.signals import Sample
 from flightbed.telemetry.shown import Shown
 from flightbed.trace import Trace, collect, from_rows
 from flightbed.units import DEG
+from flightbed.versions import versions
 
 __all__ = ["Plan", "Result", "assemble", "fly", "plan", "run"]
 
@@ -264,9 +264,5 @@ def _summary(plan: Plan, trace: Trace, metrics: Metrics, wall_s: float) -> dict[
         "wall_time_s": wall_s,
         "real_time_factor": flown_s / wall_s,
         "realtime": None if kept is None else dataclasses.asdict(kept),
-        "versions": {
-            "flightbed": version("flightbed"),
-            "python": platform.python_version(),
-            **{p: version(p) for p in ("jsbsim", "numpy", "scipy", "numba", "rerun-sdk")},
-        },
+        "versions": {**versions(), "rerun-sdk": version("rerun-sdk")},
     }

@@ -1,4 +1,4 @@
-"""Mean and standard deviation of histories over flights that are not kept: no bit of them depends on who flew."""
+"""Mean and standard deviation of histories, accumulated flight by flight; the result does not depend on the number of workers."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Moments:
-    """Of some flights, at every tick at which one still flies.
+    """Moments over flights at each tick, up to the end of the longest flight.
 
     Attributes:
-        flying: (n,) how many still fly.
-        mean: column -> (n,).
+        flying: (n,), number of flights that have not ended before the tick.
+        mean: column -> (n,), mean over these flights.
         squares: column -> (n,), sum of the squared deviations from the mean.
 
     """
@@ -29,7 +29,7 @@ class Moments:
 
     @classmethod
     def of(cls, columns: Mapping[str, Vector]) -> Moments:
-        """Return those of one flight: column -> values, of one length."""
+        """Return the moments of one flight; column -> (n,), of equal length."""
         length = len(next(iter(columns.values())))
         zero = {name: np.zeros(length) for name in columns}
         return cls(
@@ -37,45 +37,45 @@ class Moments:
         )
 
     def __add__(self, other: Moments) -> Moments:
-        """Return those of both sets of flights (Chan, Golub and LeVeque 1983); the order of adding shows in the last bits."""
+        """Return the moments of both sets of flights (Chan, Golub and LeVeque 1983); the last bits depend on the order of addition."""
         length = max(len(self.flying), len(other.flying))
         a, b = (_padded(m.flying, length).astype(np.int64) for m in (self, other))
         flying = a + b
         mean, squares = {}, {}
-        with np.errstate(invalid="ignore", over="ignore"):  # a column may be infinite: then so is its mean, or nan
+        with np.errstate(invalid="ignore", over="ignore"):  # the mean of an infinite column is infinite or nan
             for name in self.mean:
                 first, second = _padded(self.mean[name], length), _padded(other.mean[name], length)
-                # Where only one of them flies its numbers stay as they are.
+                # Where only one set has flights, its values stay unchanged.
                 change = np.where((a > 0) & (b > 0), second - first, 0.0)
-                both = np.where(first == second, first, first + change * (b / flying))  # infinite ones are equal, too
+                both = np.where(first == second, first, first + change * (b / flying))  # equal infinite means too
                 mean[name] = np.where(a > 0, both, second)
                 within = _padded(self.squares[name], length) + _padded(other.squares[name], length)
                 squares[name] = within + change**2 * (a * b / flying)
         return Moments(flying, mean, squares)
 
     def std(self, column: str) -> Vector:
-        """Return the standard deviation over the flights (n - 1 in the divisor); 0 where one flies, nan where the mean is infinite."""
+        """Return the standard deviation, (n,), with divisor flying - 1; 0 for a single flight, nan where the mean is infinite."""
         std = np.sqrt(self.squares[column] / np.maximum(self.flying - 1, 1))
         return np.where(np.isfinite(self.mean[column]), std, np.nan)
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """Return all of it as arrays by name, for a file."""
+        """Return all attributes as arrays by name, for a file."""
         kinds = {"mean": self.mean, "squares": self.squares}
         return {"flying": self.flying, **{f"{kind}/{n}": v for kind, named in kinds.items() for n, v in named.items()}}
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Moments:
-        """Return what ``arrays`` gave."""
+        """Return moments from the value of ``arrays``."""
         return cls(arrays["flying"], within(arrays, "mean/"), within(arrays, "squares/"))
 
 
 def within(arrays: Mapping[str, npt.NDArray[Any]], start: str) -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays whose names start so, by the rest of their names."""
+    """Return the arrays whose names have a prefix, without the prefix."""
     return {name.removeprefix(start): array for name, array in arrays.items() if name.startswith(start)}
 
 
 def total(parts: Sequence[Moments]) -> Moments:
-    """Return the sum of one or more, from the first to the last."""
+    """Return the sum of one or more moments, added from first to last."""
     whole = parts[0]
     for part in parts[1:]:
         whole = whole + part

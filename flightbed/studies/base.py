@@ -1,32 +1,33 @@
-"""What a study is made of: parts, each the flights and trials that it needs and the section that it makes of them."""
+"""A study and its parts: each part names the flights and trials that it needs, and builds a section of the report from them."""
 
 from __future__ import annotations
 
-import platform
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from importlib.metadata import version
-from typing import Any, TypeVar
+from textwrap import shorten
+from typing import Any, Self, TypeVar
 
 from flightbed.document import Document, Section
-from flightbed.ensemble import CHUNK, Flown, Job, fly_jobs, spread
+from flightbed.engine import Opener
+from flightbed.ensemble import Flown, Job, fly_jobs, run_jobs
+from flightbed.versions import versions
 
 Key = TypeVar("Key")
 Flights = list[list[Flown]]
-Results = list[list[Any]]  # of each job its flights, or what its trials returned
+Results = list[list[Any]]  # per job: its flights, or the return values of its trials
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
 class Trials:
-    """Runs of a simulation that is no flight of a scenario: ``simulate(seed, *arguments)`` with the seeds 0, 1, ...
+    """Runs of a simulation other than the flight of a scenario: ``simulate(seed, *arguments)`` with successive seeds.
 
     Attributes:
-        simulate: a function that other processes can import; its result depends on its arguments alone.
-        arguments: after the seed.
-        runs: how often.
+        simulate: a function that other processes can import; its result depends only on its arguments.
+        arguments: the arguments after the seed.
+        runs: number of runs.
         first_seed: seed of the first run.
 
     """
@@ -36,13 +37,17 @@ class Trials:
     runs: int
     first_seed: int = 0
 
+    def with_seeds(self, first_seed: int, runs: int) -> Self:
+        """Return the same trials with other seeds."""
+        return replace(self, first_seed=first_seed, runs=runs)
+
 
 @dataclass(frozen=True)
 class Part:
-    """A section and the runs behind it.
+    """A section and its runs.
 
     Attributes:
-        jobs: what has to be flown or tried.
+        jobs: flights and trials.
         build: the results of each job, in order -> the section.
 
     """
@@ -57,9 +62,9 @@ class Study:
 
     Attributes:
         name: its name on the command line.
-        title: what it reproduces.
-        runs: flights of each case if nothing else is asked for.
-        parts: flights of each case -> its parts, in the order of the report.
+        title: title of the report, with the reproduced publication.
+        runs: default number of flights per case.
+        parts: flights per case -> parts, in the order of the report.
 
     """
 
@@ -70,12 +75,12 @@ class Study:
 
 
 def keyed(jobs: Mapping[Key, Job | Trials], build: Callable[[Mapping[Key, list[Any]]], Section]) -> Part:
-    """Return a part whose results are found by the keys of its jobs."""
+    """Return a part whose ``build`` gets its results by the keys of its jobs."""
     return Part(list(jobs.values()), lambda results: build(dict(zip(jobs, results, strict=True))))
 
 
 def distinct_jobs(parts: Sequence[Part]) -> list[Job | Trials]:
-    """Return what all parts together have to run; what several of them need is run once, flights with all the columns."""
+    """Return the jobs of all parts; a job that several parts share occurs once, with the most runs and all columns."""
     merged: dict[Hashable, Job | Trials] = {}
     for job in (job for part in parts for job in part.jobs):
         had = merged.setdefault(_what(job), job)
@@ -92,37 +97,38 @@ def _what(job: Job | Trials) -> Hashable:
     return job.scenario if isinstance(job, Job) else (job.simulate, job.arguments, job.first_seed)
 
 
-def _try(trials: Trials) -> list[Any]:
+def _simulate(trials: Trials) -> list[Any]:
     first = trials.first_seed
     return [trials.simulate(seed, *trials.arguments) for seed in range(first, first + trials.runs)]
 
 
 def run_trials(
-    trials: Sequence[Trials], *, executor: Executor | None, progress: Callable[[int], None]
+    trials: Sequence[Trials], *, executor: Executor | Opener | None, progress: Callable[[int], None]
 ) -> list[list[Any]]:
     """Run all trials; returns the results of each, in order of their seeds. As ``ensemble.fly_jobs`` otherwise."""
-    chunks = [
-        (index, replace(one, runs=min(CHUNK, one.runs - start), first_seed=one.first_seed + start))
-        for index, one in enumerate(trials)
-        for start in range(0, one.runs, CHUNK)
-    ]
-    parts = spread([chunk for _, chunk in chunks], _try, executor=executor, done=lambda chunk: progress(chunk.runs))
-    results: list[list[Any]] = [[] for _ in trials]
-    for (index, _), part in zip(chunks, parts, strict=True):
-        results[index] += part
-    return results
+    return run_jobs(trials, _simulate, executor=executor, progress=progress, label=_label)
+
+
+def _label(trials: Trials) -> str:
+    name = f"{trials.simulate.__module__}.{trials.simulate.__qualname__}"
+    return shorten(f"{name} with the arguments {trials.arguments}", 300, placeholder=" ...")
 
 
 def reproduce(
-    study: Study, runs: int, *, executor: Executor | None = None, progress: Progress | None = None
+    study: Study, runs: int, *, executor: Executor | Opener | None = None, progress: Progress | None = None
 ) -> Document:
-    """Run what all parts of a study need, together, and make its report.
+    """Run the jobs of all parts of a study, each once, and return the report.
+
+    If a worker process dies, its runs are repeated (``engine.results``).
 
     Args:
-        study: which.
-        runs: flights or trials of each case.
-        executor: where they are run; None runs them here and now.
-        progress: called with the numbers of runs that are done, and of all, whenever some are done.
+        study: the study.
+        runs: flights or trials per case.
+        executor: an executor, or a function that opens one (``engine.opener``); None runs in this process.
+        progress: called with the number of finished runs and of all runs, whenever some finish.
+
+    Raises:
+        InputError: as ``ensemble.run_jobs``.
 
     """
     began, done = time.perf_counter(), 0
@@ -130,7 +136,7 @@ def reproduce(
     jobs = distinct_jobs(parts)
     total = sum(job.runs for job in jobs)
 
-    def tell(flights: int) -> None:
+    def count(flights: int) -> None:
         nonlocal done
         done += flights
         if progress is not None:
@@ -138,8 +144,8 @@ def reproduce(
 
     flights = [job for job in jobs if isinstance(job, Job)]
     trials = [job for job in jobs if isinstance(job, Trials)]
-    done_by = {_what(j): r for j, r in zip(flights, fly_jobs(flights, executor=executor, progress=tell), strict=True)}
-    tried = run_trials(trials, executor=executor, progress=tell)
+    done_by = {_what(j): r for j, r in zip(flights, fly_jobs(flights, executor=executor, progress=count), strict=True)}
+    tried = run_trials(trials, executor=executor, progress=count)
     results: dict[Hashable, list[Any]] = {**done_by, **{_what(j): r for j, r in zip(trials, tried, strict=True)}}
     sections = [part.build([results[_what(job)][: job.runs] for job in part.jobs]) for part in parts]
     facts = {
@@ -148,15 +154,6 @@ def reproduce(
         "runs_of_each_case": runs,
         "seeds": "of each case from 0 on",
         "wall_time_s": round(time.perf_counter() - began, 1),
-        "versions": versions(),
+        "versions": dict(versions()),
     }
     return Document(study.title, sections, facts)
-
-
-def versions() -> dict[str, str]:
-    """Return the versions that the numbers of a study depend on."""
-    return {
-        "flightbed": version("flightbed"),
-        "python": platform.python_version(),
-        **{package: version(package) for package in ("jsbsim", "numpy", "scipy", "numba")},
-    }
