@@ -1,23 +1,23 @@
-"""Many flights of a scenario or over the points of a campaign file: their rows, the worst of them, and the folder that they leave."""
+"""Campaigns: many flights of a scenario or of a campaign file, their table, their worst flight, and their folder."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import closing, contextmanager, nullcontext, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from flightbed.campaign_file import plain
-from flightbed.campaign_flights import CHUNK, Chunk, Flown, chunk_of, fly_chunk, joined, killed, single_flights
+from flightbed.campaign_flights import Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
 from flightbed.campaign_histories import Histories
 from flightbed.campaign_result import Campaign, worst_of
 from flightbed.campaign_table import Row, passes
-from flightbed.engine import Engine, Work, engine, results
+from flightbed.engine import CHUNK, Opener, Work, opener, results
 from flightbed.errors import FlightbedError, InputError
 from flightbed.flight_result import fly_scenario
 from flightbed.journal import Journal, journal
-from flightbed.programme import Programme, scenario_of, versions
+from flightbed.programme import Programme, scenario_of
 from flightbed.settings import Scenario
 
 Progress = Callable[[int, int], None]
@@ -34,33 +34,33 @@ def run(
     resume: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Campaign | None, Path]:
-    """Fly a campaign, and leave a folder with scenario, campaign file, table, summary and report.
+    """Fly a campaign and write its folder: scenario, campaign file, table, summary and report.
 
-    What is flown is kept in the folder from flight to flight (``journal.py``); after an interrupt or a kill ``resume`` flies the rest,
-    and the table is the same to the last bit.
+    Finished chunks are stored in the folder (``journal.py``). After an interrupt or a kill, ``resume`` flies the rest; the table is the
+    same bit for bit.
 
     Args:
-        flights: a programme, or a scenario to be flown ``runs`` times with successive seeds.
+        flights: a programme, or a scenario for ``runs`` flights with successive seeds.
         out: folder to write.
-        runs: of a scenario how often.
-        workers: processes, all cores if None.
-        scheduler: address of a dask scheduler whose workers fly instead.
-        replace: an ``out`` that holds a finished campaign is replaced, and any other folder that is not empty is refused; if false, the
-            first free one of OUT, OUT-2, OUT-3, ... is taken instead.
-        resume: go on with what is there of this campaign.
-        progress: called with the numbers of flights that are done, and of all, whenever some are done.
+        runs: flights of a scenario.
+        workers: number of local processes, one per core if None.
+        scheduler: address of a dask scheduler whose workers replace the local processes.
+        replace: replace a finished campaign in ``out``, and refuse any other folder that is not empty; if false, use the first of OUT,
+            OUT-2, OUT-3, ... that does not exist.
+        resume: continue this campaign.
+        progress: called with the numbers of finished flights and of all flights, whenever some finish.
 
     Returns:
-        The campaign, None if ``resume`` found it finished, and where it is.
+        The campaign, None if ``resume`` found it finished, and its folder.
 
     Raises:
-        As ``fly``; OutputError when the folder cannot be written; InputError when it is another campaign's; KeyboardInterrupt, with how to
-        go on, after having written the table of what is done.
+        As ``fly``; OutputError if the folder cannot be written; InputError if it holds another campaign; KeyboardInterrupt, with the way
+        to continue, after it has written the table of the finished flights.
 
     """
     from flightbed.campaign_folder import finish
 
-    began, opened = time.perf_counter(), engine(workers, scheduler)
+    began, executor = time.perf_counter(), opener(workers, scheduler)
     programme = plain(flights, runs) if isinstance(flights, Scenario) else flights
     with journal(Path(out), programme, replace=replace, resume=resume) as book:
         if isinstance(book, Path):
@@ -68,8 +68,8 @@ def run(
         with _kept(book, programme):
             if progress is not None:
                 progress(book.done, len(programme))
-            for number, flown in _flown(programme, book.missing, opened):
-                book.add(number, flown)
+            for number, result in _chunk_results(programme, book.missing, executor):
+                book.add(number, result)
                 if progress is not None:
                     progress(book.done, len(programme))
             campaign = _campaign(programme, book.rows(), book.histories, began)
@@ -81,53 +81,51 @@ def fly(
     flights: Scenario | Programme,
     runs: int = 100,
     *,
-    executor: Executor | None = None,
+    executor: Executor | Opener | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Fly a programme, or a scenario with ``runs`` successive seeds, and leave no folder.
+    """Fly a programme, or a scenario with ``runs`` successive seeds, without a folder.
 
     Args:
-        flights: what to fly.
-        runs: of a scenario how often.
-        executor: where, see ``processes.Processes``; None flies here and now, and what kills the process ends everything. The flights
-            do not depend on it.
-        progress: called with the numbers of flights that are done, and of all, whenever some are done.
+        flights: a programme or a scenario.
+        runs: flights of a scenario.
+        executor: an executor (``processes.local_processes``), or a function that opens one (``engine.opener``); None flies in this
+            process, where a flight that ends the process ends everything. The flights do not depend on it.
+        progress: called with the numbers of finished flights and of all flights, whenever some finish.
 
     Raises:
-        InputError, NotComputableError, as ``mission.run`` does with a scenario; InputError for runs < 1, and for seeds beyond the largest.
+        InputError, NotComputableError: as ``mission.run``, for a scenario; InputError also for runs < 1, for seeds beyond the largest,
+            and as ``engine.results``.
 
     """
     programme = plain(flights, runs) if isinstance(flights, Scenario) else flights
-    began, parts, done = time.perf_counter(), dict[int, Flown](), 0
+    began, done, rows = time.perf_counter(), 0, dict[int, list[Row]]()
     histories = Histories(programme)
     chunks = range(-(-len(programme) // CHUNK))
-    for number, flown in _flown(programme, chunks, lambda: nullcontext(executor)):
-        parts[number] = flown
-        done += len(flown.rows)
-        histories.add(number, flown.parts)
+    for number, result in _chunk_results(programme, chunks, executor):
+        rows[number] = result.rows
+        done += len(result.rows)
+        histories.add(number, result.parts)
         if progress is not None:
             progress(done, len(programme))
-    return _campaign(programme, [row for n in sorted(parts) for row in parts[n].rows], histories, began)
+    return _campaign(programme, [row for n in sorted(rows) for row in rows[n]], histories, began)
 
 
-def _flown(programme: Programme, chunks: Sequence[int], opened: Engine) -> Iterator[tuple[int, Flown]]:
-    """Yield chunks as they are done. Raises InputError when a worker has other versions than we."""
+def _chunk_results(
+    programme: Programme, chunks: Sequence[int], executor: Executor | Opener | None
+) -> Iterator[tuple[int, ChunkResult]]:
+    """Yield the number and the result of each chunk, in the order in which they finish."""
     if not chunks:
         return
-    work: Work[Chunk, Flown] = Work(fly_chunk, single_flights, joined, killed)
-    with closing(results((chunk_of(programme, n) for n in chunks), work, opened)) as found:
-        for chunk, flown in found:
-            for package, ours in versions().items():
-                if flown.versions[package] != ours:
-                    raise InputError(
-                        f"a worker has {package} {flown.versions[package]}, here it is {ours}; install the same"
-                    )
-            yield chunk.number, flown
+    work: Work[Chunk, ChunkResult] = Work(fly_chunk, single_flights, joined, killed)
+    with closing(results((chunk_of(programme, n) for n in chunks), work, executor)) as finished:
+        for chunk, result in finished:
+            yield chunk.number, result
 
 
 @contextmanager
 def _kept(book: Journal, programme: Programme) -> Iterator[None]:
-    """Tell of what ends the flights how to go on; leave a table of what is done."""
+    """If the flights end early, write the table of the finished ones, and add to the error how to continue."""
     from flightbed.campaign_folder import put_table
 
     try:
@@ -136,20 +134,20 @@ def _kept(book: Journal, programme: Programme) -> Iterator[None]:
         if book.done == 0:
             book.discard()
             raise
-        kept, how = "", f"the same command with --out {book.target} --resume goes on"
+        table, how = "", f"continue with the same command and --out {book.target} --resume"
         if isinstance(stop, FlightbedError):
-            raise InputError(f"{stop}; {book.done} of {len(programme)} flights are kept; {how}") from stop
+            raise InputError(f"{stop}; {book.done} of {len(programme)} flights are stored; {how}") from stop
         if rows := _judged(programme, book.rows()):
             with suppress(FlightbedError):
                 put_table(rows, programme, book)
-                kept = f", which are in {book.target / 'table.parquet'}"
+                table = f" (table: {book.target / 'table.parquet'})"
         if isinstance(stop, SystemExit):
             raise
-        raise KeyboardInterrupt(f"interrupted after {book.done} of {len(programme)} flights{kept}; {how}") from None
+        raise KeyboardInterrupt(f"interrupted after {book.done} of {len(programme)} flights{table}; {how}") from None
 
 
 def _judged(programme: Programme, rows: list[Row]) -> list[Row]:
-    """Fill in whether they passed, in place: there may be many."""
+    """Fill in the column ``passed``, in place because there may be many rows."""
     criteria = () if programme.settings is None else programme.settings.criteria
     for i, row in enumerate(rows):
         rows[i] = {**row, "passed": passes(row, criteria)}

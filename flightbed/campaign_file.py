@@ -1,4 +1,4 @@
-"""A campaign file, or a plain scenario, -> Programme; every problem of it is told before anything flies."""
+"""Campaign file or plain scenario -> Programme; all problems of the file are reported before the first flight."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from flightbed.programme import Programme, Values, grid, with_values
 from flightbed.scenario import build, changed, frozen, problems, read_toml, shown, validated
 from flightbed.settings import CampaignSettings, Scenario, ValidationError
 
-RUNS = 100  # of a plain scenario
+RUNS = 100  # default, of a plain scenario
 _LAST_SEED = 2**63 - 1
 _MOST_POINTS = 100_000
-_CHECKED = 2_000  # points whose scenarios are built beforehand: about a second
+_CHECKED = 2_000  # most points whose scenarios are checked before the flights; takes about 1 s
 _FIXED = ("schema", "name", "description", "seed", "estimators", "failures", "aircraft", "aircraft.sha256")
 
 
 def load_programme(source: str | Path, overrides: Sequence[str] = (), runs: int | None = None) -> Programme:
-    """Read a campaign file or a scenario: a path or a shipped name.
+    """Read a campaign file or a scenario.
 
     Args:
-        source: the file or the name.
+        source: path or shipped name.
         overrides: KEY=VALUE, of the (base) scenario.
-        runs: flights a point; None leaves it to the campaign file, and is 100 of a scenario.
+        runs: flights per point; None: the value of the campaign file, or 100 for a scenario.
 
     Raises:
-        UnknownNameError, InputError when there is no such file; ScenarioError with every problem of it; AircraftError; of a scenario also
-        what ``plan`` raises.
+        UnknownNameError, InputError: no such file; ScenarioError: lists all problems of the file; AircraftError; for a scenario also the
+            errors of ``plan``.
 
     """
     path = data.find_flights(str(source))
@@ -60,13 +60,13 @@ def plain(scenario: Scenario, runs: int) -> Programme:
     """Return ``runs`` flights of a scenario with successive seeds, its own first.
 
     Raises:
-        InputError: runs < 1, or seeds beyond the largest; and what ``plan`` raises.
+        InputError: runs < 1, or seeds beyond the largest; and the errors of ``plan``.
 
     """
     _at_least_one(runs)
     if scenario.seed > _LAST_SEED - runs + 1:
         raise InputError(f"seed: must be at most {_LAST_SEED - runs + 1} with {runs} flights (got {scenario.seed})")
-    scenario = plan(scenario).scenario  # complete; and what cannot be flown is told before workers start
+    scenario = plan(scenario).scenario  # complete; errors appear before workers start
     raw = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
     return Programme(
         scenario, raw, runs, extensions=named_by(scenario), aircraft=(scenario.aircraft.sha256,)
@@ -108,7 +108,7 @@ def _programme(
 def _bound(
     raw: Mapping[str, Any], scenario: Scenario, models: Sequence[str]
 ) -> tuple[Mapping[str, Any], tuple[str, ...]]:
-    """Return the base bound to its aircraft, unless it is varied, and the fingerprints of all that fly. Raises AircraftError."""
+    """Return the base with its aircraft's path and fingerprint, unless it is varied, and all fingerprints. Raises AircraftError."""
     if models:
         return raw, tuple(load_flyable(model).sha256 for model in models)
     aircraft = load_flyable(scenario.aircraft.model)
@@ -144,9 +144,9 @@ def _criteria_problems(settings: CampaignSettings, scenario: Scenario, place: st
 def _point_problems(
     settings: CampaignSettings, raw: Mapping[str, Any], points: Sequence[Values], place: str, columns: Sequence[str]
 ) -> list[str]:
-    """Return what is wrong with the scenarios of the points, and with the ends of what is drawn; each problem once.
+    """Return the problems of the points' scenarios, and of the limits of drawn values; each problem once.
 
-    All must have the same estimates, which are columns of the table.
+    All points must have the same estimates, because the estimates are columns of the table.
     """
     origins = {axis.key: f"{place}: axes.{i}" for i, axis in enumerate(settings.axes)}
     ends: list[Values] = [
@@ -171,7 +171,7 @@ def _point_problems(
         for name in sorted(set(estimates(scenario)) ^ set(columns)):
             there_is = "no" if name in columns else "an"
             varied = ", ".join(f"{key} = {value}" for key, value in values.items())
-            problem = f"{place}: axes: {varied}: there is {there_is} estimate '{name}', unlike in the base; make two campaigns of it"
+            problem = f"{place}: axes: {varied}: there is {there_is} estimate '{name}', unlike in the base; split it into two campaigns"
             found[problem] = None
         without = idle_keys(scenario)
         idle.update({key: without[key] for key in values if key in without})

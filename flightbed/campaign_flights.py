@@ -1,4 +1,4 @@
-"""What a worker of a campaign does: flies a few flights of a programme; each leaves a row, and adds to the histories."""
+"""Worker of a campaign: flies one chunk of a programme; each flight gives a row and adds to the histories of its point."""
 
 from __future__ import annotations
 
@@ -11,39 +11,38 @@ from typing import Any
 from flightbed.blame import line_of
 from flightbed.campaign_table import Row, failed_row, row
 from flightbed.consistency import estimates
-from flightbed.engine import DEATHS
+from flightbed.engine import CHUNK, DEATHS
 from flightbed.errors import FlightbedError
 from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.flight_result import fly_plan
 from flightbed.percentiles import SAMPLE, Part, add_all
 from flightbed.plan import Plan, plan
-from flightbed.programme import Flight, Programme, flight_hash, scenario_of, versions
+from flightbed.programme import Flight, Programme, flight_hash, scenario_of
 from flightbed.settings import Scenario
 from flightbed.trace import true_share
 
-CHUNK = 10  # flights of a job: so many are done before progress and disk are told of them, and two workers share twenty
 HISTORIES = (
     "q_deg_s",
     "q_ref_deg_s",
     "alpha_deg",
     "elevator_deg",
-)  # and of every estimate the smoothed K, and of its surface the true one
-KILLS = f"the process that flew it died, at least {DEATHS} times; it runs out of memory, or compiled code that it uses crashes"
+)  # and for every estimate the smoothed K and the true K of its surface
+KILLS = f"the worker process died at least {DEATHS} times while it flew only this flight; free memory, or correct the compiled or own code"
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Flights that are flown by one worker, one after the other.
+    """Flights that one worker flies in sequence.
 
     Attributes:
-        number: of the chunk.
+        number: number of the chunk, from 0.
         raw: base scenario, nested plain values.
-        flights: in order of their indices.
-        columns: of the trace, whose histories are added up.
-        remembered: indices of the flights whose histories are.
-        sampled: indices of those whose histories are held for percentiles, too.
+        flights: flights in order of their indices.
+        columns: columns of the trace that the histories hold.
+        remembered: indices of the flights that add to the histories.
+        sampled: indices of the flights whose columns are kept for percentiles too.
         estimators: names of the estimates.
-        extensions: code of the user's own that flies.
+        extensions: own code that the flights use.
 
     """
 
@@ -58,16 +57,21 @@ class Chunk:
 
 
 @dataclass(frozen=True)
-class Flown:
-    """What comes back: a row a flight, in order; point -> histories of those that flew; what they were flown with."""
+class ChunkResult:
+    """Result of a chunk.
+
+    Attributes:
+        rows: one row per flight, in order.
+        parts: point -> contribution to its histories by the flights that raised no error.
+
+    """
 
     rows: list[Row]
     parts: Mapping[int, Part]
-    versions: dict[str, str]
 
 
 def chunk_of(programme: Programme, number: int) -> Chunk:
-    """Return chunk ``number`` of a programme: it depends on the programme alone, not on what has been flown."""
+    """Return chunk ``number`` of a programme; it depends only on the programme."""
     indices = range(number * CHUNK, min((number + 1) * CHUNK, len(programme)))
     names = estimates(programme.scenario)
     truths = dict.fromkeys(map(true_share, ("", *names)))
@@ -85,26 +89,26 @@ def single_flights(chunk: Chunk) -> list[Chunk]:
     return [replace(chunk, flights=(flight,)) for flight in chunk.flights]
 
 
-def joined(flown: Sequence[Flown]) -> Flown:
-    """Return what came of the flights of a chunk, each flown as a chunk of its own; the same as of them together."""
+def joined(single: Sequence[ChunkResult]) -> ChunkResult:
+    """Return the result of a chunk from those of its single flights; it equals that of the whole chunk bit for bit."""
     parts: dict[int, Part] = {}
-    for one in flown:
+    for one in single:
         add_all(parts, one.parts)
-    return Flown([row for one in flown for row in one.rows], parts, flown[0].versions)
+    return ChunkResult([row for one in single for row in one.rows], parts)
 
 
-def killed(chunk: Chunk) -> Flown:
-    """Return what there is of a chunk of one flight that kills its process: a row with this error."""
+def killed(chunk: Chunk) -> ChunkResult:
+    """Return the result of a chunk of one flight that ends its worker process every time: a row with this error."""
     (flight,) = chunk.flights
     with carried(chunk.extensions):
         scenario = scenario_of(chunk.raw, flight)
-        # Planning it might kill us. What a plan adds is the aircraft; where that is bound already, nothing that decides.
+        # Planning could end this process too. A plan adds only the aircraft to the hashed scenario; if it is set already, none is needed.
         known = flight_hash(scenario, named_by(scenario)) if scenario.aircraft.sha256 else None
-    return Flown([failed_row(flight, known, KILLS, chunk.estimators)], {}, dict(versions()))
+    return ChunkResult([failed_row(flight, known, KILLS, chunk.estimators)], {})
 
 
-def fly_chunk(chunk: Chunk) -> Flown:
-    """Fly a chunk. What a flight raises is in its row, and the next is flown."""
+def fly_chunk(chunk: Chunk) -> ChunkResult:
+    """Fly a chunk. An exception of a flight goes into its row, and the next flight follows."""
     rows: list[Row] = []
     parts: dict[int, Part] = {}
     planned: Plan | None = None
@@ -122,12 +126,12 @@ def fly_chunk(chunk: Chunk) -> Flown:
                     add_all(parts, {flight.point: Part.of(columns, sampled=flight.index in chunk.sampled)})
                 rows.append(there)
             except Exception as error:
-                rows.append(failed_row(flight, known, _said(error), chunk.estimators))
-    return Flown(rows, parts, dict(versions()))
+                rows.append(failed_row(flight, known, _error_text(error), chunk.estimators))
+    return ChunkResult(rows, parts)
 
 
 def _planned(scenario: Scenario, earlier: Plan | None) -> Plan:
-    """Return the plan of a scenario: the earlier one, if that differs by the seed alone."""
+    """Return the plan of a scenario; the earlier one is reused if only the seed differs."""
     if earlier is not None:
         bound = scenario.with_aircraft(earlier.scenario.aircraft.model, earlier.scenario.aircraft.sha256)
         same_aircraft = scenario.aircraft.sha256 == earlier.scenario.aircraft.sha256
@@ -136,8 +140,8 @@ def _planned(scenario: Scenario, earlier: Plan | None) -> Plan:
     return plan(scenario)
 
 
-def _said(error: Exception) -> str:
-    """Return what went wrong on one line: flightbed's own words, or the place, the kind and the message."""
+def _error_text(error: Exception) -> str:
+    """Return an error on one line: the message of a flightbed error, else file, line, kind and message."""
     if isinstance(error, FlightbedError):
         return "; ".join(str(error).splitlines())
     frames = traceback.extract_tb(error.__traceback__)

@@ -1,8 +1,8 @@
-"""Histories of a campaign while it is flown: those of each point are added up in order, on disk what is needed to go on.
+"""Histories of a campaign in progress: chunks are added in the order of their numbers, and the state is on disk.
 
-In ``unfinished/`` lie ``histories.npz`` (how many chunks are added up, and what they add up to for the point that is not complete),
-``histories-N.npz`` (what chunk N adds: of a chunk that came before its turn, or that has sampled flights of a point that is not complete)
-and ``ensemble-P.npz`` (of a complete point).
+The folder ``unfinished/`` holds ``histories.npz`` (the number of added chunks, and the sums of the incomplete points), ``histories-N.npz``
+(contribution of chunk N, if the chunk came before its turn or has sampled flights of an incomplete point) and ``ensemble-P.npz``
+(histories of the complete point P).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.campaign_flights import CHUNK
+from flightbed.engine import CHUNK
 from flightbed.folder import put_whole
 from flightbed.moments import Moments, within
 from flightbed.percentiles import Arrays, Ensemble, Part, add_all
@@ -25,33 +25,33 @@ Parts = Mapping[int, Part]
 
 
 class Histories:
-    """Adds up the histories of chunks in the order of their numbers, whatever the order in which they come.
+    """Sums of the histories of chunks, added in the order of their numbers for any order of arrival.
 
-    Memory holds what is complete, the sampled flights of one point, and chunks that came before their turn.
+    Memory holds the complete points, the sampled flights of one point, and chunks that came before their turn.
 
     Attributes:
-        ensembles: point -> its histories; of complete points in which something flew.
-        number: how many chunks are added up.
+        ensembles: point -> its histories, of the complete points with at least one flight without error.
+        number: number of added chunks.
 
     """
 
     def __init__(self, programme: Programme, folder: Path | None = None) -> None:
-        """Begin, or go on with what is in a folder. Raises OSError."""
+        """Start empty, or with the state in a folder. Raises OSError."""
         self.ensembles: dict[int, Ensemble] = {}
         self.number = 0
         self._programme, self._folder = programme, folder
         self._begun: dict[int, Part] = {}
         self._early: dict[int, Parts] = {}
-        self._kept: dict[int, set[int]] = {}  # chunk on disk -> points that it has sampled flights of
+        self._kept: dict[int, set[int]] = {}  # chunk on disk -> points of its sampled flights
         if folder is not None:
             self._restore(folder)
 
     def has(self, number: int) -> bool:
-        """Tell whether a chunk has come, or need not come."""
+        """Return whether a chunk has been added, or has no histories to add."""
         return number < self.number or number in self._early or not self._points(number) & self._programme.remembered
 
     def add(self, number: int, parts: Parts) -> None:
-        """Take what a chunk adds to each of its points. Raises OSError."""
+        """Add the contributions of a chunk to its points. Raises OSError."""
         if self.has(number):
             return
         self._early[number] = parts
@@ -59,10 +59,10 @@ class Histories:
         if self._folder is not None and (number != self.number or sampled):
             self._kept[number] = sampled
             _save(self._folder / f"histories-{number}.npz", _arrays(parts))
-        self._add_up()
+        self._add_in_order()
 
-    def _add_up(self) -> None:
-        """Add up all chunks whose turn it is."""
+    def _add_in_order(self) -> None:
+        """Add all chunks whose turn it is, and save the state."""
         before, last = self.number, -(-len(self._programme) // CHUNK)
         while self.number < last and self.has(self.number):
             add_all(self._begun, self._early.pop(self.number, {}))
@@ -81,7 +81,7 @@ class Histories:
             del self._kept[number]
 
     def _points(self, number: int) -> set[int]:
-        """Return the points that a chunk has flights of."""
+        """Return the points of a chunk's flights."""
         last = min((number + 1) * CHUNK, len(self._programme)) - 1
         return set(range(number * CHUNK // self._programme.runs, last // self._programme.runs + 1))
 
@@ -103,7 +103,7 @@ class Histories:
             for point in self._kept[number] & self._begun.keys():
                 begun = self._begun[point]
                 self._begun[point] = Part(begun.moments, begun.sample + parts[point].sample)
-        self._add_up()
+        self._add_in_order()
 
 
 def _number(path: Path) -> int:

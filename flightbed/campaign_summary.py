@@ -17,10 +17,11 @@ from flightbed.consistency import detectors, estimates
 from flightbed.extension import permits
 from flightbed.metrics import PHASES, Metrics
 from flightbed.percentiles import PERCENTILES, SAMPLE
-from flightbed.programme import Programme, Values, versions
+from flightbed.programme import Programme, Values
 from flightbed.run_summary import RunSummary
 from flightbed.settings import Criterion
 from flightbed.statistics import Interval
+from flightbed.versions import versions
 
 _RESAMPLED = (5, 50, 95)  # percentiles in summary.json
 

@@ -311,7 +311,7 @@ def campaign(
         workers: Processes that fly, all cores without it; the results do not depend on it.
         scheduler: tcp://HOST:PORT of a dask scheduler whose workers fly instead; needs the extra `distributed`.
         out: Folder to write; a finished campaign in it is replaced. Without it: campaigns/NAME, or campaigns/NAME-2, ... if that exists.
-        resume: Go on with an unfinished campaign: only what is missing is flown.
+        resume: Continue an unfinished campaign: fly only the missing flights.
         set_: KEY=VALUE, replaces one key of the (base) scenario, as in --set failures.0.to=0.35; repeat --set for each key.
         use: MODULE:ATTRIBUTE or FILE.py:ATTRIBUTE, code outside flightbed that the scenario names and that may be imported and run.
         json: Print the content of summary.json, and the folder, as JSON and nothing else on stdout.
@@ -349,6 +349,7 @@ def reproduce(
     workers: Annotated[int | None, Parameter(show_default=False)] = None,
     use: Several = None,
     settings: Annotated[list[Path] | None, Parameter(negative="", show_default=False)] = None,
+    scheduler: Annotated[str | None, Parameter(show_default=False)] = None,
     json: Flag = False,
 ) -> None:
     """Recompute a study, a published one or the comparison of all estimators, and leave a folder with report and results.
@@ -358,12 +359,14 @@ def reproduce(
         runs: Flights of each case; without it, as many as the study takes.
         out: Folder to write; an earlier study in it is replaced. Without it: studies/NAME, or studies/NAME-2, ... if that exists.
         workers: Processes that fly, all cores without it; the results do not depend on it.
+        scheduler: tcp://HOST:PORT of a dask scheduler whose workers fly instead; needs the extra `distributed`.
         use: MODULE:ATTRIBUTE or FILE.py:ATTRIBUTE, your own estimator as a further one in the study `estimators`; repeat --use for each.
         settings: TOML file with the keys of the `[[estimators]]` table of a further estimator; repeat --settings for each.
         json: Print what results.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
-    from flightbed import ensemble, registry
+    from flightbed import registry
+    from flightbed.engine import opener
     from flightbed.extension import using
     from flightbed.folder import check_target
     from flightbed.screen import progress_bar, study_lines
@@ -372,14 +375,14 @@ def reproduce(
     from flightbed.studies.folder import STUDY, write_study
 
     chosen = registry.factory("studies", study)()
-    for option, value in (("--runs", runs), ("--workers", workers)):
-        if value is not None and value < 1:
-            raise InputError(f"{option}: must be at least 1 (got {value})")
+    if runs is not None and runs < 1:
+        raise InputError(f"--runs: must be at least 1 (got {runs})")
+    executor = opener(workers, scheduler)
     place = out if out is not None else Path("studies") / study
     target = check_target(place, STUDY, replace=out is not None)
     with using(*(use or ())):
         chosen = with_own(chosen, use or (), settings or ())
-        with progress_bar() as progress, ensemble.processes(workers) as executor:
+        with progress_bar() as progress:
             document = recompute(chosen, runs or chosen.runs, executor=executor, progress=progress)
     written = write_study(document, target, replace=out is not None)
     if json:

@@ -1,34 +1,47 @@
-"""Work -> results on any executor: as they are done, never too far ahead; who kills the process that does it is found, and left out."""
+"""Executor for the tasks of studies and campaigns, on local processes or dask workers: a worker that dies loses no task."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import AbstractContextManager, closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar
 
 from flightbed.errors import InputError
-from flightbed.processes import apart
+from flightbed.processes import local_processes
+from flightbed.versions import versions
 
 T = TypeVar("T")
 R = TypeVar("R")
-Engine = Callable[[], AbstractContextManager[Executor | None]]  # opens an executor; None works here and now
+Opener = Callable[[], AbstractContextManager[Executor | None]]  # opens an executor; None: run in this process
 
-AHEAD = 64  # tasks in hand beyond the first that is not done: so many results at most wait for one before them
-DEATHS = 3  # of processes that did a task alone: more is no chance
-_TRIES = 3  # losses of the way to the workers in a row, without anything done between them
+# Seeds per task, of studies and campaigns. Results of studies do not depend on it. For campaigns it is part of the format of an
+# unfinished folder (the journal counts chunks), and the order in which moments are added, thus their last bits, depends on it.
+CHUNK = 10
+AHEAD = 64  # most submitted tasks beyond the first unfinished one; this bounds the results that wait for their turn
+DEATHS = 3  # worker deaths with one part alone, after which the part counts as the cause
+_CONNECTION_LOSSES = 3  # in a row, without a finished task between them
 _CONNECT_S = 10
 
 
-def engine(workers: int | None = None, scheduler: str | None = None) -> Engine:
-    """Return what opens local processes, all cores if None, or the workers of a dask scheduler. Raises InputError."""
+def opener(workers: int | None = None, scheduler: str | None = None) -> Opener:
+    """Return a function that opens an executor.
+
+    Args:
+        workers: number of local processes, one per core if None.
+        scheduler: address of a dask scheduler, tcp://HOST:PORT, whose workers replace the local processes.
+
+    Raises:
+        InputError: workers < 1, no such address, or both options at once.
+
+    """
     if workers is not None and workers < 1:
         raise InputError(f"--workers: must be at least 1 (got {workers})")
     if scheduler is None:
-        return partial(apart, workers)
+        return partial(local_processes, workers)
     if workers is not None:
         raise InputError(f"--workers {workers}: has no effect with --scheduler, whose workers fly; leave it out")
     if not re.fullmatch(r"[a-z]+://.+:\d+", scheduler):
@@ -38,7 +51,7 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Engine:
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """Give the executor of a dask scheduler. Raises InputError when it is not there, or has no workers."""
+    """Open the executor of a dask scheduler. Raises InputError if it cannot be reached or has no workers."""
     try:
         from distributed import Client
     except ImportError:
@@ -64,13 +77,13 @@ def cluster(address: str) -> Iterator[Executor]:
 
 @dataclass(frozen=True)
 class Work(Generic[T, R]):
-    """What is done with tasks.
+    """Functions that turn a task into its result.
 
     Attributes:
-        do: makes the result of a task; a function that other processes can import. Doing a task twice is as good as once.
-        parts: the smallest tasks that a task consists of.
-        join: results of the parts, in their order -> that of the task.
-        lost: the result of a part whose process dies whenever it is done.
+        do: task -> result; other processes must be able to import it. A repeated call gives the same result.
+        parts: task -> its smallest parts, which are tasks too.
+        join: results of the parts, in their order -> result of the task.
+        lost: part -> its result if its worker dies every time, or raises an error that names the part.
 
     """
 
@@ -81,37 +94,39 @@ class Work(Generic[T, R]):
 
 
 def results(
-    tasks: Iterable[T], work: Work[T, R], opened: Engine, ahead: int = AHEAD
+    tasks: Iterable[T], work: Work[T, R], executor: Executor | Opener | None, ahead: int = AHEAD
 ) -> Generator[tuple[T, R], None, None]:
-    """Yield every task with its result, in the order in which they are done.
+    """Yield each task with its result, in the order in which they finish.
 
-    A task whose process died is taken apart when no other is in hand, and its parts are done one by one, nothing beside them: so none
-    is blamed for what another did, or for memory that they needed together. A part with which its process died ``DEATHS`` times is
-    lost. Where the way to the workers is lost, what they had is given to an executor opened anew. What ``work`` raises propagates; what
-    has not begun is cancelled then, and when the iterator is closed.
+    If a worker dies, its task is set aside until no other task is running. Then the parts of the task run one at a time, with nothing
+    beside them, so no part is rejected because of another task or because of memory that both needed together. A part whose worker
+    dies ``DEATHS`` times is lost. After a lost connection a new executor is opened and gets the unfinished tasks. An error that
+    ``work`` raises propagates. Tasks that have not started are cancelled then, and when the iterator is closed.
 
     Args:
-        tasks: what to do, taken as it is needed.
-        work: how.
-        opened: where. Here and now, where that gives no executor, a death is that of everything.
-        ahead: most tasks in hand beyond the first that is not done.
+        tasks: read as needed.
+        work: functions for one task.
+        executor: an executor, a function that opens one, or None to run in this process, where a death ends everything.
+        ahead: most submitted tasks beyond the first unfinished one.
 
     Raises:
-        InputError: the way to the workers is lost again and again, without anything done.
+        InputError: the connection is lost three times in a row, or a worker has other versions than this process.
 
     """
+    opened = executor if callable(executor) else partial(nullcontext, executor)
+    do = _WithVersions(work.do)
     source = enumerate(tasks)
     undone: dict[int, T] = {}
-    suspects: set[int] = set()  # of the undone: those whose process died
+    suspects: set[int] = set()  # unfinished tasks whose worker died
     losses = 0
     while True:
-        with opened() as executor:
-            if executor is None:
+        with opened() as workers:
+            if workers is None:
                 yield from ((task, work.do(task)) for _, task in source)
                 return
-            pending: dict[Future[R], int] = {}
+            pending: dict[Future[tuple[R, dict[str, str]]], int] = {}
             try:
-                pending.update((executor.submit(work.do, task), n) for n, task in undone.items() if n not in suspects)
+                pending.update((workers.submit(do, task), n) for n, task in undone.items() if n not in suspects)
                 while True:
                     while not undone or (len(undone) < ahead and next(reversed(undone)) - next(iter(undone)) < ahead):
                         following = next(source, None)
@@ -119,12 +134,12 @@ def results(
                             break
                         number, task = following
                         undone[number] = task
-                        pending[executor.submit(work.do, task)] = number
+                        pending[workers.submit(do, task)] = number
                     if not undone:
                         return
                     if not pending:
                         for number in sorted(suspects):
-                            result = _one_by_one(executor, work, undone[number])
+                            result = _one_by_one(workers, work, undone[number])
                             losses = 0
                             suspects.remove(number)
                             yield undone.pop(number), result
@@ -136,7 +151,7 @@ def results(
                             suspects.add(number)
                             del pending[future]
                             continue
-                        result = future.result()
+                        result = _checked(future)
                         del pending[future]
                         losses = 0
                         yield undone.pop(number), result
@@ -144,25 +159,46 @@ def results(
                 losses += 1
                 if not _is_loss(error):
                     raise
-                if losses >= _TRIES:
+                if losses >= _CONNECTION_LOSSES:
                     raise InputError(
-                        f"the way to the workers is lost again and again ({type(error).__name__}); see whether they, and their "
-                        "scheduler, still run"
+                        f"lost connection to the workers {losses} times in a row ({type(error).__name__}); check that the workers "
+                        "and the scheduler are running"
                     ) from error
             finally:
                 for future in pending:
                     future.cancel()
 
 
+@dataclass(frozen=True)
+class _WithVersions(Generic[T, R]):
+    """Task -> result and the versions of the worker's packages."""
+
+    do: Callable[[T], R]
+
+    def __call__(self, task: T) -> tuple[R, dict[str, str]]:
+        return self.do(task), dict(versions())
+
+
+def _checked(future: Future[tuple[R, dict[str, str]]]) -> R:
+    """Return the result of a finished future. Raises InputError if its worker has other versions than this process."""
+    result, found = future.result()
+    for package, ours in versions().items():
+        if found[package] != ours:
+            raise InputError(
+                f"workers: must have the versions of this process (got {package} {found[package]}, here {ours}); install the same"
+            )
+    return result
+
+
 def _one_by_one(executor: Executor, work: Work[T, R], task: T) -> R:
-    """Do the parts of a task, each alone."""
+    """Run the parts of a task, each alone, and join their results."""
     found = []
     for part in work.parts(task):
         deaths = 0
         while deaths < DEATHS:
-            future = executor.submit(work.do, part)
+            future = executor.submit(_WithVersions(work.do), part)
             try:
-                found.append(future.result())
+                found.append(_checked(future))
                 break
             except Exception as error:
                 died = _deaths(error)
@@ -175,14 +211,14 @@ def _one_by_one(executor: Executor, work: Work[T, R], task: T) -> R:
 
 
 def _deaths(error: Exception) -> int:
-    """Return how many processes died with the task that failed with this; 0 if it failed otherwise."""
+    """Return how many workers died with the task that failed with this error; 0 for any other error."""
     if isinstance(error, BrokenExecutor):
         return 1
     if type(error).__module__.startswith("distributed") and type(error).__name__ == "KilledWorker":
-        return int(getattr(error, "allowed_failures", 0)) + 1  # the scheduler has tried it as often
+        return int(getattr(error, "allowed_failures", 0)) + 1  # the scheduler has already repeated it as often
     return 0
 
 
 def _is_loss(error: Exception) -> bool:
-    """Tell whether workers or the way to them were lost, rather than that the work failed."""
+    """Return whether workers or the connection to them were lost; other errors come from the work itself."""
     return isinstance(error, BrokenExecutor | CancelledError) or type(error).__module__.startswith("distributed")

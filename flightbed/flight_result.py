@@ -5,7 +5,6 @@ Nothing here writes a folder, draws, or knows a viewer: samples can be watched t
 
 from __future__ import annotations
 
-import platform
 import time
 from array import array
 from collections.abc import Callable, Iterator, Mapping
@@ -43,6 +42,7 @@ from flightbed.settings import Scenario
 from flightbed.signals import Sample
 from flightbed.trace import Trace, collect, from_rows
 from flightbed.units import DEG
+from flightbed.versions import versions
 
 Watch = Callable[[Iterator[Sample]], Iterator[Sample]]  # yields the samples unchanged
 
@@ -257,10 +257,6 @@ def summarize(plan: Plan, trace: Trace, metrics: Metrics, margins: MarginSummary
         wall_time_s=wall_s,
         real_time_factor=flown_s / wall_s,
         realtime=punctuality(trace, control_hz=scenario.rates.control_hz),
-        versions={
-            "flightbed": version("flightbed"),
-            "python": platform.python_version(),
-            **{p: version(p) for p in ("jsbsim", "numpy", "scipy", "numba", "rerun-sdk")},
-        },
+        versions={**versions(), "rerun-sdk": version("rerun-sdk")},
         margins=margins,
     )

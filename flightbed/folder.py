@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -113,24 +112,40 @@ def write_folder(target: Path, write: Callable[[Path], None], *, replace: bool) 
             new.mkdir()
             write(new)
             if not replace:
-                return _first_free(target, new)
+                return first_free(target, new.rename)
             _replace(target, new, Path(scratch) / "old")
             return target
     except OSError as error:
         raise OutputError(f"--out {target}: cannot be written: {error.strerror or error}") from None
 
 
-def _first_free(target: Path, new: Path) -> Path:
-    """Rename ``new`` to the first free name of TARGET, TARGET-2, ...; runs that end at the same time get different names."""
-    for number in count(1):
-        place = target if number == 1 else target.with_name(f"{target.name}-{number}")
-        if place.exists():
-            continue
-        try:
-            return new.rename(place)
-        except OSError as error:
-            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):
-                raise
+def numbered(target: Path) -> Iterator[Path]:
+    """Yield TARGET, TARGET-2, TARGET-3, ..."""
+    yield target
+    for number in count(2):
+        yield target.with_name(f"{target.name}-{number}")
+
+
+def first_free(target: Path, make: Callable[[Path], object]) -> Path:
+    """Make the first of TARGET, TARGET-2, ... that does not exist; processes that do so at once make one each.
+
+    Args:
+        target: the first path.
+        make: creates a folder at a path; raises OSError if the path exists.
+
+    Raises:
+        OSError: the folder cannot be made for another reason.
+
+    """
+    for place in numbered(target):
+        if not os.path.lexists(place):
+            try:
+                make(place)
+            except OSError:
+                if not os.path.lexists(place):
+                    raise
+                continue
+            return place
     raise AssertionError
 
 

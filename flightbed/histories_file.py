@@ -1,4 +1,4 @@
-"""Histories of the points of a campaign -> a file: a row a point and tick."""
+"""Parquet file of the histories of a campaign: one row per point and tick."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from flightbed.units import unit_of
 
 
 def write_histories(ensembles: Mapping[int, Ensemble], control_hz: Mapping[int, int], path: Path) -> None:
-    """Write histories as Parquet, a group of rows a point; the unit of every column is also in its metadata. Raises OSError.
+    """Write histories as Parquet, one row group per point, with the unit of each column in its metadata. Raises OSError.
 
-    Columns are ``point``, ``t_s``, ``flying`` (flights that still fly), ``sampled`` (flights that the percentiles are of, all of the point,
-    not of the tick), and of every history ``NAME.mean``, ``NAME.std``, ``NAME.p5`` ... ``NAME.p95``, in single precision.
+    Columns are ``point``, ``t_s``, ``flying`` (flights that have not ended before the tick), ``sampled`` (flights of the point that the
+    percentiles use, the same at all ticks), and for each history ``NAME.mean``, ``NAME.std``, ``NAME.p5`` ... ``NAME.p95``, in single
+    precision.
 
     Args:
-        ensembles: point -> histories, of the same columns; at least one.
-        control_hz: point -> ticks a second.
-        path: where to.
+        ensembles: point -> histories, with the same columns at all points; at least one point.
+        control_hz: point -> control rate, Hz.
+        path: the file.
 
     """
     import pyarrow as pa
@@ -36,7 +37,7 @@ def write_histories(ensembles: Mapping[int, Ensemble], control_hz: Mapping[int, 
         "compression": "zstd",
         "use_dictionary": False,
         "use_byte_stream_split": True,
-    }  # half of what is had without
+    }  # halves the file
     with pq.ParquetWriter(path, pa.schema(fields), **packed) as file:
         for point in sorted(ensembles):
             ensemble = ensembles[point]

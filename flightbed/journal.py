@@ -1,8 +1,8 @@
-"""The folder of a campaign that is being flown: what is done is on disk, and nothing that a kill or a full disk leaves is taken for done.
+"""Folder of a campaign in progress: finished chunks are on disk, and a partly written chunk after a kill or a full disk is flown again.
 
-``unfinished/`` in the campaign's folder says that it is unfinished, and holds ``campaign.json`` (which campaign), ``rows.jsonl`` (a line a
-flight, in the order in which they came), and what ``campaign_histories.py`` keeps. A chunk is done if all its rows are there, and its
-histories.
+The folder ``unfinished/`` marks an unfinished campaign. It holds ``campaign.json`` (name and fingerprint of the campaign), ``rows.jsonl``
+(one line per flight, in the order of arrival), and the files of ``campaign_histories.py``. A chunk is done if all its rows and its
+histories are there. Chunks have ``engine.CHUNK`` flights: a folder can be continued only with the same chunk size.
 """
 
 from __future__ import annotations
@@ -13,27 +13,29 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from itertools import count
 from pathlib import Path
 from typing import IO, Any
 
-from flightbed.campaign_flights import CHUNK, Flown
+from flightbed.campaign_flights import ChunkResult
 from flightbed.campaign_histories import Histories
 from flightbed.campaign_table import Row
+from flightbed.engine import CHUNK
 from flightbed.errors import InputError, OutputError
-from flightbed.folder import CAMPAIGN, check_target, put_whole
+from flightbed.folder import CAMPAIGN, check_target, first_free, numbered, put_whole
 from flightbed.programme import Programme
 
 UNFINISHED = "unfinished"
-_DONE = ".finished"  # what was unfinished, on its way to be deleted
+_DONE = ".finished"  # new name of UNFINISHED while it is deleted
 
 
 class Journal:
-    """What is done of a programme, in the folder ``target``.
+    """Finished flights of a programme on disk.
 
     Attributes:
         target: the campaign's folder.
-        done: flights that need not be flown again.
+        done: number of finished flights.
+        missing: numbers of the unfinished chunks.
+        histories: histories of the finished chunks.
 
     """
 
@@ -57,7 +59,7 @@ class Journal:
         return all(i in indices for i in self._range(number)) and self.histories.has(number)
 
     def _stored(self) -> Iterator[Row]:
-        """Yield the rows on disk, up to a line that is not whole."""
+        """Yield the rows on disk, up to the first incomplete line."""
         self._rows.seek(0)
         self._whole_bytes = 0
         for line in self._rows:
@@ -68,23 +70,23 @@ class Journal:
             if not isinstance(found, dict):
                 return
             self._whole_bytes += len(line)
-            yield {sys.intern(name): value for name, value in found.items()}  # one text for all rows
+            yield {sys.intern(name): value for name, value in found.items()}  # all rows share the strings of their keys
 
-    def add(self, number: int, flown: Flown) -> None:
-        """Keep a chunk: on disk when it returns. Raises OutputError; what was kept before stays as it was."""
+    def add(self, number: int, result: ChunkResult) -> None:
+        """Write a chunk to disk. Raises OutputError; earlier chunks stay unchanged."""
         try:
             if self.done == 0:
                 self._clear()
-            self.histories.add(number, flown.parts)
-            self._rows.write("".join(json.dumps(row) + "\n" for row in flown.rows).encode())
+            self.histories.add(number, result.parts)
+            self._rows.write("".join(json.dumps(row) + "\n" for row in result.rows).encode())
             self._rows.flush()
             os.fsync(self._rows.fileno())
         except OSError as error:
             raise OutputError(f"--out {self.target}: cannot be written: {error.strerror or error}") from None
-        self.done += len(flown.rows)
+        self.done += len(result.rows)
 
     def _clear(self) -> None:
-        """Take away what an earlier campaign has left in the folder."""
+        """Delete the files of an earlier campaign."""
         for name in CAMPAIGN.files:
             if (self.target / name).is_dir():
                 shutil.rmtree(self.target / name)
@@ -92,19 +94,19 @@ class Journal:
                 (self.target / name).unlink(missing_ok=True)
 
     def discard(self) -> None:
-        """Leave no trace of a campaign of which nothing was kept."""
+        """Delete the files of a campaign without a finished flight."""
         self._rows.close()
         shutil.rmtree(self._folder, ignore_errors=True)
-        with suppress(OSError):  # it holds an earlier one
+        with suppress(OSError):  # the folder holds an earlier campaign
             self.target.rmdir()
 
     def rows(self) -> list[Row]:
-        """Return the rows of all flights that are done, in the order of their indices."""
+        """Return the rows of all finished flights, in the order of their indices."""
         found = {int(row["index"] or 0): row for row in self._stored()}
         return [found[index] for index in sorted(found)]
 
     def put(self, name: str, write: Callable[[Path], None]) -> None:
-        """Put a file into the campaign's folder, whole or not at all. Raises OutputError."""
+        """Write a file into the campaign's folder atomically. Raises OutputError."""
         scratch = self._folder / f"{Path(name).name}.tmp"
         try:
             write(scratch)
@@ -115,7 +117,7 @@ class Journal:
             raise OutputError(f"--out {self.target}: cannot be written: {error.strerror or error}") from None
 
     def finish(self) -> None:
-        """Say that all is there: nothing in the folder tells of an unfinished campaign any more."""
+        """Mark the campaign as finished: delete ``unfinished/``."""
         self._rows.close()
         away = self.target / _DONE
         shutil.rmtree(away, ignore_errors=True)
@@ -123,30 +125,32 @@ class Journal:
         shutil.rmtree(away, ignore_errors=True)
 
     def close(self) -> None:
-        """Let others go on with the folder."""
+        """Release the folder for other processes."""
         self._rows.close()
 
 
 @contextmanager
 def journal(out: Path, programme: Programme, *, replace: bool, resume: bool) -> Iterator[Journal | Path]:
-    """Open the folder of a campaign, new or to be gone on with; gives the folder alone if that very campaign is finished there.
+    """Open the folder of a campaign; yields its journal, or only its path if the same campaign is finished there.
 
     Args:
         out: the folder.
-        programme: what is to be flown.
-        replace: whether a finished campaign of that name is replaced; if false, the first free one of OUT, OUT-2, ... is taken.
-        resume: go on with what is there of this campaign; begins if there is nothing. Without ``replace`` the first of OUT, OUT-2, ...
-            that holds this campaign unfinished, or else finished.
+        programme: the flights.
+        replace: replace a finished campaign in OUT; if false, use the first of OUT, OUT-2, ... that does not exist.
+        resume: continue this campaign; start it if the folder has none. Without ``replace``, continue in the first of OUT, OUT-2, ...
+            that holds this campaign unfinished, otherwise finished.
 
     Raises:
-        OutputError: the folder cannot be written, or would lose something; InputError: it is another campaign's.
+        OutputError: the folder cannot be written, or holds other files; InputError: it holds another campaign.
 
     """
     if resume:
-        target = out if replace else _mine(out, programme)
+        target = out if replace else _own_folder(out, programme)
         state = _state(target)
         if state is not None and state.get("campaign") != programme.fingerprint:
-            raise InputError(f"--resume: {target} {_differs(state, programme)}; name its own folder with --out")
+            raise InputError(
+                f"--resume: {target} holds {_difference(state, programme)}; name another folder with --out"
+            )
         if (target / "summary.json").is_file() and state is not None and not (target / UNFINISHED).is_dir():
             yield target
             return
@@ -154,12 +158,12 @@ def journal(out: Path, programme: Programme, *, replace: bool, resume: bool) -> 
         target, state = out, None
         if replace and (target / UNFINISHED).is_dir():
             raise InputError(
-                f"--out {target}: holds an unfinished campaign; go on with it, --resume, or delete it, or name another folder"
+                f"--out {target}: holds an unfinished campaign; continue it with --resume, delete it, or name another folder"
             )
     target = check_target(target, CAMPAIGN, replace=replace, scratch=frozenset({UNFINISHED, _DONE}))
     try:
         if state is None:
-            target = _begin(target, programme, replace=replace)
+            target = _start(target, programme, replace=replace)
         book = Journal(target, programme)
     except OSError as error:
         raise OutputError(f"--out {target}: cannot be written: {error.strerror or error}") from None
@@ -169,33 +173,23 @@ def journal(out: Path, programme: Programme, *, replace: bool, resume: bool) -> 
         book.close()
 
 
-def _begin(target: Path, programme: Programme, *, replace: bool) -> Path:
-    """Make the folder of a campaign that begins; what an earlier one left in it stays until flights are kept. Raises OSError."""
+def _start(target: Path, programme: Programme, *, replace: bool) -> Path:
+    """Make the folder of a new campaign; files of an earlier one stay until the first chunk is finished. Raises OSError."""
     if replace:
         target.mkdir(parents=True, exist_ok=True)
     else:
         target.parent.mkdir(parents=True, exist_ok=True)
-        target = _first_free(target)
+        target = first_free(target, Path.mkdir)
     known = {"campaign": programme.fingerprint, "name": programme.name, "flights": len(programme)}
     (target / UNFINISHED).mkdir(exist_ok=True)
     put_whole(target / UNFINISHED / "campaign.json", lambda path: _write(path, json.dumps(known, indent=2) + "\n"))
     return target
 
 
-def _first_free(target: Path) -> Path:
-    for number in count(1):
-        place = target if number == 1 else target.with_name(f"{target.name}-{number}")
-        with suppress(FileExistsError):
-            place.mkdir()
-            return place
-    raise AssertionError
-
-
-def _mine(out: Path, programme: Programme) -> Path:
-    """Return the folder of this campaign among OUT, OUT-2, ...: one that is unfinished, else a finished one, else OUT or the next free."""
+def _own_folder(out: Path, programme: Programme) -> Path:
+    """Return the one of OUT, OUT-2, ... with this campaign, preferably unfinished; otherwise the first that does not exist."""
     finished = None
-    for number in count(1):
-        place = out if number == 1 else out.with_name(f"{out.name}-{number}")
+    for place in numbered(out):
         if not place.exists():
             return finished or place
         state = _state(place)
@@ -207,7 +201,7 @@ def _mine(out: Path, programme: Programme) -> Path:
 
 
 def _state(target: Path) -> dict[str, Any] | None:
-    """Return which campaign a folder holds, finished or not; None if there is none."""
+    """Return the stored facts of the campaign in a folder, finished or not; None without a campaign."""
     for name in (f"{UNFINISHED}/campaign.json", "summary.json"):
         try:
             found = json.loads((target / name).read_text(encoding="utf-8"))
@@ -218,16 +212,15 @@ def _state(target: Path) -> dict[str, Any] | None:
     return None
 
 
-def _differs(state: dict[str, Any], programme: Programme) -> str:
+def _difference(state: dict[str, Any], programme: Programme) -> str:
     name, flights = state.get("name", state.get("scenario", "?")), state.get("flights", "?")
-    what = f"is that of '{name}' with {flights} flights"
     if (name, flights) == (programme.name, len(programme)):
-        what += ", of another file, aircraft or version"
-    return f"{what}, not of this campaign ('{programme.name}', {len(programme)} flights)"
+        return f"campaign '{name}' ({flights} flights) with other settings, aircraft or versions"
+    return f"campaign '{name}' ({flights} flights), not this campaign '{programme.name}' ({len(programme)} flights)"
 
 
 def _locked(path: Path) -> IO[bytes]:
-    """Open the rows for reading and writing, and keep other processes from it as long as this one lives. Raises OutputError."""
+    """Open the rows for reading and writing, and lock them for this process. Raises OutputError."""
     file = path.open("a+b")
     try:
         import fcntl
@@ -235,8 +228,11 @@ def _locked(path: Path) -> IO[bytes]:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         file.close()
-        raise OutputError(f"--out {path.parent.parent}: another process is flying this campaign") from None
-    except (ImportError, OSError):  # a system, or a disk, that has no locks
+        raise OutputError(
+            f"--out {path.parent.parent}: another process is flying this campaign; wait for its end, or name "
+            "another folder"
+        ) from None
+    except (ImportError, OSError):  # a system or a disk without locks
         pass
     return file
 

@@ -1,16 +1,14 @@
-"""What a campaign flies: a base scenario, the points of its axes, so many flights at each; every flight by its index."""
+"""Flights of a campaign: a base scenario, the points of its axes, and ``runs`` flights per point; each flight by its index."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import platform
 import shlex
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
-from importlib.metadata import version
+from functools import cached_property
 from itertools import product
 from math import prod
 from types import MappingProxyType
@@ -23,12 +21,13 @@ from flightbed.extension import Extension
 from flightbed.override import replaced, setting
 from flightbed.scenario import validated
 from flightbed.settings import AxisSettings, CampaignSettings, Scenario
+from flightbed.versions import versions
 
 Values = Mapping[str, Any]  # key of the scenario -> value
 
-MOST_REMEMBERED = 100  # points that all keep histories, about 0.6 MB each
-SHOWN = 12  # points whose histories the page shows
-_SEED_BITS = 53  # a seed is a number that every reader of JSON keeps exactly
+MOST_REMEMBERED = 100  # up to so many points, all keep histories, about 0.6 MB each
+SHOWN = 12  # most points with histories in the report
+_SEED_BITS = 53  # every reader of JSON represents such a seed exactly
 
 
 @dataclass(frozen=True)
@@ -36,10 +35,10 @@ class Flight:
     """One flight of a programme.
 
     Attributes:
-        index: its number, from 0.
-        point: the number of its point.
-        seed: of everything random in it.
-        values: key of the scenario -> what it is in this flight: of the point's axes, and drawn.
+        index: number of the flight, from 0.
+        point: number of its point, from 0.
+        seed: seed of all random numbers of the flight.
+        values: key of the scenario -> value in this flight, of all axes, drawn ones included.
 
     """
 
@@ -51,16 +50,16 @@ class Flight:
 
 @dataclass(frozen=True)
 class Programme:
-    """All flights of a campaign; flight ``index`` is the same whoever flies it, and whatever else is flown.
+    """All flights of a campaign; flight ``index`` depends only on the programme and its index.
 
     Attributes:
-        scenario: the base, complete.
-        raw: the base as its file has it, but bound to its aircraft; flights replace keys in it.
-        runs: flights a point.
-        points: values of the axes that are not drawn, in order; one without axes is {}.
-        settings: the campaign file; None of a plain scenario, whose flights have its own seed and those after it.
-        extensions: code outside flightbed that flies.
-        aircraft: fingerprints of the aircraft that fly.
+        scenario: the base scenario, complete.
+        raw: the base scenario as in its file, with its aircraft's path and fingerprint; flights replace keys in it.
+        runs: flights per point.
+        points: values of the axes that are not drawn, in order; {} for a programme without such axes.
+        settings: the campaign file; None for a plain scenario, whose flights have successive seeds from its own on.
+        extensions: own code that the flights use.
+        aircraft: fingerprints of all aircraft.
 
     """
 
@@ -78,17 +77,17 @@ class Programme:
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """Name of the campaign file or the scenario."""
         return self.scenario.name if self.settings is None else self.settings.name
 
     @property
     def description(self) -> str:
-        """Its description."""
+        """Description of the campaign file or the scenario."""
         return self.scenario.description if self.settings is None else self.settings.description
 
     @property
     def axes(self) -> tuple[AxisSettings, ...]:
-        """What is varied."""
+        """Varied keys."""
         return () if self.settings is None else self.settings.axes
 
     def flight(self, index: int) -> Flight:
@@ -102,23 +101,23 @@ class Programme:
         return Flight(index, point, int(state[0]) >> (64 - _SEED_BITS), {a.key: values[a.key] for a in self.axes})
 
     def at(self, point: int) -> Scenario:
-        """Return the scenario of a point, complete: of its first flight."""
+        """Return the complete scenario of the first flight of a point."""
         return scenario_of(self.raw, self.flight(point * self.runs))
 
     def overrides(self, flight: Flight) -> str:
-        """Return the options of ``flightbed run`` that make the base scenario this flight; values without effect are left out."""
+        """Return the options of ``flightbed run`` that turn the base scenario into this flight; values without effect are left out."""
         idle = idle_keys(scenario_of(self.raw, flight))
         texts = [setting(key, value) for key, value in flight.values.items() if key not in idle]
         return "".join(f" --set {shlex.quote(text)}" for text in (*texts, f"seed={flight.seed}"))
 
     @property
     def seed(self) -> int:
-        """Its own: of the campaign file, or of the first flight."""
+        """Seed of the campaign file, or of the first flight of a plain scenario."""
         return self.scenario.seed if self.settings is None else self.settings.seed
 
     @cached_property
     def remembered(self) -> frozenset[int]:
-        """Points that keep histories: those that are chosen, else all, or, of more than ``MOST_REMEMBERED``, a few of them."""
+        """Points that keep histories: the chosen ones, else all, or ``SHOWN`` of them if there are more than ``MOST_REMEMBERED``."""
         count = len(self.points)
         if self.settings is None or (self.settings.histories.keep == "auto" and count <= MOST_REMEMBERED):
             return frozenset(range(count))
@@ -128,14 +127,14 @@ class Programme:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of all that decides the table: scenario, axes, criteria, runs, seed, aircraft, versions, code outside flightbed."""
+        """SHA-256 of everything that decides the table: scenario, axes, criteria, runs, seed, aircraft, versions, own code."""
         return _sha256(
             {
                 "scenario": self.raw,
                 "campaign": None if self.settings is None else self.settings.to_dict(),
                 "runs": self.runs,
                 "aircraft": self.aircraft,
-                "versions": versions(),
+                "versions": dict(versions()),
                 "extensions": {e.name: e.sha256 for e in self.extensions},
             }
         )
@@ -148,30 +147,23 @@ def scenario_of(raw: Mapping[str, Any], flight: Flight) -> Scenario:
 
 
 def with_values(raw: Mapping[str, Any], values: Values, place: str) -> Mapping[str, Any]:
-    """Return nested values with some replaced. Raises ScenarioError, with the place, where a key reaches into nothing."""
+    """Return nested values with some replaced. Raises ScenarioError, with the place, for a key without a parent."""
     for key, value in values.items():
         raw = replaced(raw, key.split("."), value, f"{place}: {key}")
     return raw
 
 
 def flight_hash(scenario: Scenario, extensions: Sequence[Extension]) -> str:
-    """Return the SHA-256 of what decides a flight: its complete scenario, aircraft and seed included, versions, code of others.
+    """Return the SHA-256 of everything that decides a flight: complete scenario with aircraft and seed, versions, own code.
 
-    Names and descriptions decide nothing, nor does where the aircraft lies: its own fingerprint stands for it.
+    Name, description and the path of the aircraft are left out; the aircraft's fingerprint is part of the scenario.
     """
     decides = scenario.model_dump(
         mode="json", by_alias=True, exclude={"name": True, "description": True, "aircraft": {"model"}}
     )
     return _sha256(
-        {"scenario": decides, "versions": versions(), "extensions": {e.name: e.sha256 for e in extensions}}
+        {"scenario": decides, "versions": dict(versions()), "extensions": {e.name: e.sha256 for e in extensions}}
     )  # fmt: skip
-
-
-@cache
-def versions() -> Mapping[str, str]:
-    """Return what, besides the scenario, decides the last bits of a flight: package -> version."""
-    packages = {p: version(p) for p in ("flightbed", "jsbsim", "numpy", "scipy", "numba")}
-    return MappingProxyType({**packages, "python": platform.python_version()})
 
 
 def _sha256(values: Mapping[str, Any]) -> str:
@@ -179,7 +171,7 @@ def _sha256(values: Mapping[str, Any]) -> str:
 
 
 def grid(settings: CampaignSettings) -> list[Values]:
-    """Return the points: every combination of the values of the axes, the last axis fastest; paired, the n-th of each."""
+    """Return the points: all combinations of the axes' values, the last axis fastest, or, if paired, the n-th value of each axis."""
     axes = {axis.key: values_of(axis) for axis in settings.axes if not axis.is_drawn}
     if not axes:
         return [{}]
@@ -188,30 +180,30 @@ def grid(settings: CampaignSettings) -> list[Values]:
 
 
 def few(settings: CampaignSettings | None, points: Sequence[int], most: int) -> list[int]:
-    """Return at most so many of some points: of all points of a crossed grid a smaller grid with its corners, else evenly spread."""
+    """Return at most ``most`` of some points: of a complete crossed grid a coarser grid with its corners, else evenly spaced points."""
     axes = [] if settings is None else [len(values_of(axis)) for axis in settings.axes if not axis.is_drawn]
     crossed = settings is not None and settings.combine == "crossed"
     if len(points) <= most:
         return list(points)
     if not crossed or prod(axes) != len(points):
-        return [points[i] for i in _spread(len(points), most)]
+        return [points[i] for i in _evenly_spaced(len(points), most)]
     kept = list(axes)
     while prod(kept) > most:
         kept[kept.index(max(kept))] -= 1
     strides = [prod(axes[i + 1 :]) for i in range(len(axes))]
-    ways = product(*(_spread(length, count) for length, count in zip(axes, kept, strict=True)))
+    ways = product(*(_evenly_spaced(length, count) for length, count in zip(axes, kept, strict=True)))
     return [points[sum(i * stride for i, stride in zip(way, strides, strict=True))] for way in ways]
 
 
-def _spread(length: int, count: int) -> list[int]:
-    """Return so many of the numbers from 0 below a length, both ends among them; one is the middle."""
+def _evenly_spaced(length: int, count: int) -> list[int]:
+    """Return ``count`` integers in [0, length), both ends included; for count 1 the middle."""
     if count == 1:
         return [length // 2]
     return [round(i * (length - 1) / (count - 1)) for i in range(count)]
 
 
 def values_of(axis: AxisSettings) -> Sequence[Any]:
-    """Return the values of an axis that is not drawn; a range between whole numbers that hits only such is of whole numbers."""
+    """Return the values of an axis that is not drawn; a range of integers with integer steps has integer values."""
     if axis.values is not None:
         return axis.values
     assert axis.start is not None
@@ -223,7 +215,7 @@ def values_of(axis: AxisSettings) -> Sequence[Any]:
 
 
 def draw(axis: AxisSettings, seed: int, index: int) -> float:
-    """Return what a flight draws for an axis; it depends on campaign seed, index and key alone, not on other axes."""
+    """Return the drawn value of an axis in a flight; it depends only on the campaign seed, the index and the key."""
     from scipy.special import ndtr, ndtri  # slow to import
 
     source = np.random.SeedSequence(seed, spawn_key=(index, zlib.crc32(axis.key.encode())))

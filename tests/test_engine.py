@@ -1,4 +1,4 @@
-"""The engine: work done once each, never too far ahead, who kills is found; on a real dask scheduler the same table."""
+"""The executor: each task runs once, few tasks ahead, a task that ends its workers is found; a real dask scheduler gives the same table."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ import pytest
 
 from flightbed import campaign as campaigns
 from flightbed.campaign_file import load_programme
-from flightbed.engine import DEATHS, Work, engine, results
+from flightbed.engine import DEATHS, Work, opener, results
 from flightbed.errors import InputError
+from flightbed.versions import versions
 from tests import dask_cluster
 from tests.command_line import flightbed
 from tests.test_journal import LONGER, started
@@ -33,9 +34,11 @@ WORK = Work(_double, lambda n: [n], lambda found: found[0], lambda n: -n)
 
 @pytest.mark.parametrize("threads", [0, 1, 3])
 def test_every_task_is_done_once(threads: int) -> None:
+    expected = [(n, 2 * n) for n in range(200)]
     opened = (lambda: nullcontext(None)) if not threads else (lambda: ThreadPoolExecutor(threads))
-    found = list(results(range(200), WORK, opened, ahead=7))
-    assert sorted(found) == [(n, 2 * n) for n in range(200)]
+    assert sorted(results(range(200), WORK, opened, ahead=7)) == expected
+    with nullcontext(None) if not threads else ThreadPoolExecutor(threads) as executor:  # an open one, or none
+        assert sorted(results(range(200), WORK, executor, ahead=7)) == expected
 
 
 class _Dies(Executor):
@@ -59,7 +62,7 @@ class _Dies(Executor):
 def test_who_kills_whenever_it_is_done_is_lost_and_nobody_else() -> None:
     always, once, thrice = 17, 3, 40
     dies = _Dies({always: 99, once: 1, thrice: 3})  # the last with one death of the task and two of its part
-    found = sorted(results(range(60), WORK, lambda: nullcontext(dies), ahead=5))
+    found = sorted(results(range(60), WORK, dies, ahead=5))
     assert found == [(n, -n if n == always else 2 * n) for n in range(60)]
     assert [dies.asked.count(n) for n in (always, once, thrice)] == [1 + DEATHS, 2, 4]
     assert all(dies.asked.count(n) == 1 for n in range(60) if n not in (always, once, thrice))
@@ -87,7 +90,7 @@ def test_a_suspect_is_taken_apart_and_done_alone() -> None:
                 future.set_result(fn(*args, **kwargs))
             return future
 
-    found = dict(results([(1, 2), (3, 4), (5, 6)], pairs, lambda: nullcontext(Later())))
+    found = dict(results([(1, 2), (3, 4), (5, 6)], pairs, Later()))
     assert found == {(1, 2): 3, (3, 4): -2996, (5, 6): 11}
 
 
@@ -96,11 +99,11 @@ def test_what_dask_says_of_a_killer_counts_as_often_as_it_was_tried() -> None:
     twice, often = scheduler.KilledWorker("n", None, 1), scheduler.KilledWorker("n", None, 3)
     for error, asked in ((twice, 1 + 2), (often, 1 + 1)):
         dies = _Dies({2: 99}, error)
-        assert sorted(results(range(4), WORK, lambda d=dies: nullcontext(d))) == [(0, 0), (1, 2), (2, -2), (3, 6)]  # type: ignore[misc]
+        assert sorted(results(range(4), WORK, dies)) == [(0, 0), (1, 2), (2, -2), (3, 6)]
         assert dies.asked.count(2) == asked
 
 
-def test_where_the_way_to_the_workers_is_lost_what_they_had_is_given_to_others() -> None:
+def test_after_a_lost_connection_another_executor_gets_the_unfinished_tasks() -> None:
     lost = iter([3, 3, 50, None])
     opened: list[_Dies] = []
 
@@ -115,7 +118,7 @@ def test_where_the_way_to_the_workers_is_lost_what_they_had_is_given_to_others()
     assert len(opened) == 4
 
 
-def test_a_way_that_is_lost_again_and_again_is_told_of() -> None:
+def test_a_connection_lost_three_times_in_a_row_is_an_error() -> None:
     opened: list[int] = []
 
     @contextmanager
@@ -123,16 +126,39 @@ def test_a_way_that_is_lost_again_and_again_is_told_of() -> None:
         opened.append(1)
         yield _Dies(dict.fromkeys(range(9), 1), CancelledError())
 
-    with pytest.raises(InputError, match="the way to the workers is lost again and again"):
+    with pytest.raises(InputError) as caught:
         list(results(range(9), WORK, open_one))
+    assert str(caught.value) == (
+        "lost connection to the workers 3 times in a row (CancelledError); check that the workers and the scheduler are running"
+    )
     assert len(opened) == 3
 
 
-def test_processes_that_cannot_begin_are_nobodys_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in a script without a guard, which each process begins anew: no flight is blamed for that."""
-    monkeypatch.setattr("flightbed.processes._begin", _ends)
-    with pytest.raises(InputError, match="end before they have begun; in a script of your own fly below"):
-        list(results(range(3), WORK, engine(1)))
+def test_a_worker_with_other_versions_is_refused() -> None:
+    class Elsewhere(_Dies):
+        """Its workers have another numpy."""
+
+        def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+            future: Future[Any] = Future()
+            result, found = fn(*args, **kwargs)
+            future.set_result((result, {**found, "numpy": "0.1"}))
+            return future
+
+    ours = versions()["numpy"]
+    with pytest.raises(InputError) as caught:
+        list(results(range(3), WORK, Elsewhere({})))
+    assert str(caught.value) == (
+        f"workers: must have the versions of this process (got numpy 0.1, here {ours}); install the same"
+    )
+
+
+def test_processes_that_cannot_start_are_an_error_of_no_task(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a script without a guard, which each process starts again: the error names no flight."""
+    monkeypatch.setattr("flightbed.processes._prepare", _ends)
+    with pytest.raises(
+        InputError, match="worker processes: end before they are ready; in your own script start flights below"
+    ):
+        list(results(range(3), WORK, opener(1)))
 
 
 def _ends() -> None:
@@ -156,7 +182,7 @@ class _Waits(Executor):
 def test_it_is_never_too_far_ahead_of_a_slow_task_and_cancels_what_is_left() -> None:
     """So memory for results that wait for an earlier one is bounded, whatever the number of tasks."""
     slow = _Waits()
-    found = results(range(1000), WORK, lambda: nullcontext(slow), ahead=8)
+    found = results(range(1000), WORK, slow, ahead=8)
     assert sorted(next(found)[0] for _ in range(7)) == [1, 2, 3, 4, 5, 6, 7]
     assert len(slow.futures) == 8
     found.close()
@@ -170,18 +196,18 @@ def test_what_the_work_raises_ends_it() -> None:
 
 def test_options_that_exclude_each_other() -> None:
     with pytest.raises(InputError, match=r"--workers: must be at least 1 \(got 0\)"):
-        engine(0)
+        opener(0)
     with pytest.raises(InputError, match="--workers 2: has no effect with --scheduler"):
-        engine(2, "tcp://127.0.0.1:1")
+        opener(2, "tcp://127.0.0.1:1")
     with pytest.raises(InputError, match="--scheduler here: must be the address of a dask scheduler, tcp://HOST:PORT"):
-        engine(None, "here")
+        opener(None, "here")
 
 
 def test_no_extra_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
         pytest.raises(InputError, match=r"needs the extra 'distributed'; pip install 'flightbed\[distributed\]'"),
-        engine(None, "tcp://127.0.0.1:1")(),
+        opener(None, "tcp://127.0.0.1:1")(),
     ):
         pass
 

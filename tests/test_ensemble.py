@@ -17,6 +17,8 @@ from flightbed.errors import ScenarioError
 from flightbed.metrics import Metrics
 from flightbed.mission import run
 from flightbed.scenario import Scenario, load_scenario
+from flightbed.versions import versions
+from tests.test_journal import backwards
 
 NOTHING = Metrics(False, None, None, None, None, {})
 
@@ -89,7 +91,7 @@ def test_chunks_threads_and_processes_change_no_bit(
     assert (os.environ["OMP_NUM_THREADS"], os.getenv("OPENBLAS_NUM_THREADS")) == ("3", None)  # ours is as it was
 
 
-@pytest.mark.parametrize("runs", [0, 1, 24, 25, 26, 50, 51])
+@pytest.mark.parametrize("runs", [0, 1, 9, 10, 11, 20, 21])
 def test_chunk_borders(runs: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a stand-in for the flights: every seed once, in order, at most CHUNK at a time, the rest last."""
     chunks: list[int] = []
@@ -102,15 +104,15 @@ def test_chunk_borders(runs: int, monkeypatch: pytest.MonkeyPatch) -> None:
     done: list[int] = []
     (found,) = fly_jobs([Job(_scenario(), runs, first_seed=100)], progress=done.append)
     assert [f.seed for f in found] == list(range(100, 100 + runs))
-    assert chunks == done == [25] * (runs // 25) + [runs % 25] * (runs % 25 > 0)
+    assert chunks == done == [10] * (runs // 10) + [runs % 10] * (runs % 10 > 0)
 
 
 def test_order_is_that_of_the_seeds_not_of_the_finish(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ensemble, "CHUNK", 1)
-    monkeypatch.setattr(ensemble, "as_completed", lambda futures: reversed(list(futures)))
     monkeypatch.setattr(ensemble, "fly_chunk", lambda job: [Flown(job.first_seed, NOTHING, {})])
-    with ThreadPoolExecutor(1) as threads:
-        found = fly_jobs([Job(_scenario(), 4), Job(_scenario(), 3, first_seed=9)], executor=threads)
+
+    jobs = [Job(_scenario(), 4), Job(_scenario(), 3, first_seed=9)]
+    found = fly_jobs(jobs, executor=backwards(monkeypatch))
     assert [[f.seed for f in flights] for flights in found] == [[0, 1, 2, 3], [9, 10, 11]]
 
 
@@ -131,7 +133,7 @@ class _Held(Executor):
 def test_an_exception_of_a_worker_propagates_and_cancels_what_has_not_begun() -> None:
     held = _Held(lambda future: future.set_exception(RuntimeError("lost a wing")))
     with pytest.raises(RuntimeError, match="lost a wing"):
-        fly_jobs([Job(_scenario(), 100)], executor=held)
+        fly_jobs([Job(_scenario(), 40)], executor=held)
     assert [f.cancelled() for f in held.futures] == [False, True, True, True]
 
 
@@ -139,9 +141,9 @@ def test_an_interrupt_cancels_what_has_not_begun() -> None:
     def interrupted(_flights: int) -> None:
         raise KeyboardInterrupt
 
-    held = _Held(lambda future: future.set_result([]))
+    held = _Held(lambda future: future.set_result(([], dict(versions()))))
     with pytest.raises(KeyboardInterrupt):
-        fly_jobs([Job(_scenario(), 100)], executor=held, progress=interrupted)
+        fly_jobs([Job(_scenario(), 40)], executor=held, progress=interrupted)
     assert [f.cancelled() for f in held.futures] == [False, True, True, True]
 
 

@@ -23,8 +23,8 @@ import pytest
 from flightbed import campaign as campaigns
 from flightbed import campaign_flights
 from flightbed.campaign_file import load_programme, plain
-from flightbed.campaign_flights import Chunk, Flown, chunk_of, fly_chunk
-from flightbed.engine import Engine
+from flightbed.campaign_flights import Chunk, ChunkResult, chunk_of, fly_chunk
+from flightbed.engine import Opener
 from flightbed.errors import InputError, OutputError
 from flightbed.folder import CAMPAIGN
 from flightbed.journal import Journal, journal
@@ -80,7 +80,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Numbers of the chunks that were flown."""
     numbers: list[int] = []
 
-    def flying(chunk: Chunk) -> Flown:
+    def flying(chunk: Chunk) -> ChunkResult:
         numbers.append(chunk.number)
         return fly_chunk(chunk)
 
@@ -91,7 +91,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def _fly_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have no processes: what a test puts in the place of something is not known there."""
-    monkeypatch.setattr(campaigns, "engine", lambda *_: lambda: nullcontext(None))
+    monkeypatch.setattr(campaigns, "opener", lambda *_: lambda: nullcontext(None))
 
 
 def _stop_after(chunks: int) -> Callable[[int, int], None]:
@@ -116,11 +116,11 @@ def test_an_interrupt_leaves_a_usable_table_and_says_how_to_go_on(
     with pytest.raises(KeyboardInterrupt) as caught:
         campaigns.run(programme, out, workers=1, progress=_stop_after(2))
     assert str(caught.value) == (
-        f"interrupted after 20 of {RUNS} flights, which are in {out}/table.parquet; the same command with --out {out} --resume goes on"
+        f"interrupted after 20 of {RUNS} flights (table: {out}/table.parquet); continue with the same command and --out {out} --resume"
     )
     assert {p.name for p in out.iterdir()} == {"unfinished", "table.parquet"}
     assert pq.read_table(out / "table.parquet").equals(pq.read_table(whole / "table.parquet").slice(0, 20))
-    with pytest.raises(InputError, match="holds an unfinished campaign; go on with it, --resume"):
+    with pytest.raises(InputError, match="holds an unfinished campaign; continue it with --resume"):
         campaigns.run(programme, out)
     counted.clear()
     campaigns.run(programme, out, workers=1, resume=True)
@@ -172,7 +172,7 @@ class _Backwards(Executor):
         return future
 
 
-def _backwards(monkeypatch: pytest.MonkeyPatch) -> Engine:
+def backwards(monkeypatch: pytest.MonkeyPatch) -> Opener:
     def last(futures: dict[Future[Any], int], **_: Any) -> Any:
         found = max(futures, key=lambda f: futures[f])
         return type("Done", (), {"done": [found]})
@@ -184,8 +184,8 @@ def _backwards(monkeypatch: pytest.MonkeyPatch) -> Engine:
 def test_the_order_in_which_chunks_come_back_shows_nowhere(
     programme: Programme, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counted: list[int]
 ) -> None:
-    engine = _backwards(monkeypatch)
-    monkeypatch.setattr(campaigns, "engine", lambda *_: engine)
+    opened = backwards(monkeypatch)
+    monkeypatch.setattr(campaigns, "opener", lambda *_: opened)
     out = tmp_path / "x"
     with pytest.raises(KeyboardInterrupt):
         campaigns.run(programme, out, progress=_stop_after(1))
@@ -224,8 +224,8 @@ def test_a_full_disk_is_one_clear_line_and_loses_nothing(
     with pytest.raises(InputError) as caught:
         campaigns.run(programme, out, workers=1)
     assert str(caught.value) == (
-        f"--out {out}: cannot be written: No space left on device; {10 * (at - 1)} of {RUNS} flights are kept; "
-        f"the same command with --out {out} --resume goes on"
+        f"--out {out}: cannot be written: No space left on device; {10 * (at - 1)} of {RUNS} flights are stored; "
+        f"continue with the same command and --out {out} --resume"
     )
     monkeypatch.undo()
     campaigns.run(programme, out, workers=1, resume=True)
@@ -241,7 +241,7 @@ def test_a_disk_that_is_full_at_the_end_leaves_an_unfinished_campaign_without_a_
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("flightbed.campaign_folder.write_table", full)
-    with pytest.raises(InputError, match=rf"No space left on device; {RUNS} of {RUNS} flights are kept"):
+    with pytest.raises(InputError, match=rf"No space left on device; {RUNS} of {RUNS} flights are stored"):
         campaigns.run(programme, out, workers=1)
     assert (out / "unfinished").is_dir()
     assert not (out / "summary.json").exists()
@@ -258,11 +258,11 @@ def test_the_folder_of_another_campaign_is_refused(programme: Programme, whole: 
     for wanted, told in (
         (
             other,
-            f"is that of 'elevator-loss' with {RUNS} flights, of another file, aircraft or version, not of this campaign",
+            f"holds campaign 'elevator-loss' ({RUNS} flights) with other settings, aircraft or versions; name another folder",
         ),
         (
             longer,
-            f"is that of 'elevator-loss' with {RUNS} flights, not of this campaign ('elevator-loss', {RUNS + 1} flights)",
+            f"holds campaign 'elevator-loss' ({RUNS} flights), not this campaign 'elevator-loss' ({RUNS + 1} flights)",
         ),
     ):
         with pytest.raises(InputError) as caught:
@@ -273,7 +273,7 @@ def test_the_folder_of_another_campaign_is_refused(programme: Programme, whole: 
         pytest.raises(OutputError, match="another process is flying this campaign"),
     ):
         campaigns.run(programme, tmp_path / "x", resume=True)
-    with pytest.raises(InputError, match="is that of 'elevator-loss'"):
+    with pytest.raises(InputError, match="holds campaign 'elevator-loss'"):
         campaigns.run(other, tmp_path / "x", resume=True)
 
 
@@ -369,7 +369,9 @@ def started(*arguments: str, cwd: Path, rows: int) -> Iterator[subprocess.Popen[
         process.communicate()
 
 
-def _worker_of(process: subprocess.Popen[str]) -> int:
+def workers_of(process: subprocess.Popen[str]) -> list[int]:
+    """Return the process numbers of the workers that a command has started."""
+    found = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             parent = path.read_text().rpartition(")")[2].split()[1]
@@ -377,8 +379,8 @@ def _worker_of(process: subprocess.Popen[str]) -> int:
         except OSError:
             continue
         if parent == str(process.pid) and b"spawn_main" in command:
-            return int(path.parent.name)
-    raise AssertionError
+            found.append(int(path.parent.name))
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -397,10 +399,10 @@ def test_killed_interrupted_and_robbed_of_a_worker_it_leaves_the_same_table(undi
         process.send_signal(signal.SIGINT)
         stdout, stderr = process.communicate(timeout=60)
         assert (process.returncode, stdout) == (130, "")
-        assert "of 90 flights, which are in x/table.parquet; the same command with --out x --resume goes on\n" in stderr
+        assert "of 90 flights (table: x/table.parquet); continue with the same command and --out x --resume\n" in stderr
         assert len(stderr.splitlines()) == 1
     with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=50) as process:
-        os.kill(_worker_of(process), signal.SIGKILL)
+        os.kill(workers_of(process)[0], signal.SIGKILL)
         stdout, stderr = process.communicate(timeout=120)
         assert (process.returncode, stderr) == (0, "")
     _assert_the_same(tmp_path / "x", undisturbed)

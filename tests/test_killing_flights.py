@@ -14,9 +14,9 @@ import pytest
 from flightbed import campaign as campaigns
 from flightbed import using
 from flightbed.campaign_file import load_programme
-from flightbed.campaign_flights import KILLS, Chunk, Flown, chunk_of, fly_chunk, joined, killed, single_flights
+from flightbed.campaign_flights import KILLS, Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
 from flightbed.campaign_table import Row
-from flightbed.engine import Engine, engine
+from flightbed.engine import opener
 from flightbed.mission import fly
 from flightbed.programme import Programme
 from flightbed.scenario import load_scenario
@@ -144,14 +144,13 @@ def test_a_process_that_dies_once_blames_nobody(tmp_path: Path, monkeypatch: pyt
     assert pq.read_table(folder / "table.parquet").to_pylist() == _expected()
 
 
-def _dies_where_it_is_not_alone(chunk: Chunk) -> Flown:
+def _dies_where_it_is_not_alone(chunk: Chunk) -> ChunkResult:
     if chunk.number == 1 and len(chunk.flights) > 1:
         os._exit(1)
     return fly_chunk(chunk)
 
 
 def test_one_worker_is_a_process_too() -> None:
-    opened: Engine = engine(1)
-    with opened() as executor:
+    with opener(1)() as executor:
         assert executor is not None
         assert executor.submit(os.getpid).result() != os.getpid()

@@ -18,8 +18,9 @@ from flightbed import campaign as campaigns
 from flightbed import campaign_flights, percentiles
 from flightbed.campaign_ensembles import histories_sections
 from flightbed.campaign_file import load_programme
-from flightbed.campaign_flights import CHUNK, chunk_of
+from flightbed.campaign_flights import chunk_of
 from flightbed.campaign_histories import Histories
+from flightbed.engine import CHUNK
 from flightbed.mission import run as fly_one
 from flightbed.percentiles import PERCENTILES, Ensemble, Part
 from flightbed.programme import Programme, few, scenario_of

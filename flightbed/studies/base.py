@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import platform
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from textwrap import shorten
+from typing import Any, Self, TypeVar
 
 from flightbed.document import Document, Section
-from flightbed.ensemble import CHUNK, Flown, Job, fly_jobs, spread
+from flightbed.engine import Opener
+from flightbed.ensemble import Flown, Job, fly_jobs, run_jobs
 from flightbed.errors import InputError
 from flightbed.registry import factory, in_use, names
+from flightbed.versions import versions
 
 Key = TypeVar("Key")
 Flights = list[list[Flown]]
@@ -38,6 +39,10 @@ class Trials:
     arguments: tuple[Hashable, ...]
     runs: int
     first_seed: int = 0
+
+    def with_seeds(self, first_seed: int, runs: int) -> Self:
+        """Return the same trials with other seeds."""
+        return replace(self, first_seed=first_seed, runs=runs)
 
 
 @dataclass(frozen=True)
@@ -128,7 +133,7 @@ def _run_chunk(trials: Trials) -> list[Any]:
 
 
 def run_trials(
-    trials: Sequence[Trials], *, executor: Executor | None, progress: Callable[[int], None]
+    trials: Sequence[Trials], *, executor: Executor | Opener | None, progress: Callable[[int], None]
 ) -> list[list[Any]]:
     """Run all trials and return their results: one list per element of ``trials``, in the order of the seeds.
 
@@ -138,30 +143,29 @@ def run_trials(
         progress: called with the number of runs just completed.
 
     """
-    chunks = [
-        (index, replace(one, runs=min(CHUNK, one.runs - start), first_seed=one.first_seed + start))
-        for index, one in enumerate(trials)
-        for start in range(0, one.runs, CHUNK)
-    ]
-    parts = spread(
-        [chunk for _, chunk in chunks], _run_chunk, executor=executor, done=lambda chunk: progress(chunk.runs)
-    )
-    results: list[list[Any]] = [[] for _ in trials]
-    for (index, _), part in zip(chunks, parts, strict=True):
-        results[index] += part
-    return results
+    return run_jobs(trials, _run_chunk, executor=executor, progress=progress, label=_label)
+
+
+def _label(trials: Trials) -> str:
+    name = f"{trials.simulate.__module__}.{trials.simulate.__qualname__}"
+    return shorten(f"{name} with the arguments {trials.arguments}", 300, placeholder=" ...")
 
 
 def reproduce(
-    study: Study, runs: int, *, executor: Executor | None = None, progress: Progress | None = None
+    study: Study, runs: int, *, executor: Executor | Opener | None = None, progress: Progress | None = None
 ) -> Document:
     """Run the jobs of all parts of a study, each distinct job once, and return the report.
+
+    If a worker process dies, its runs are repeated (``engine.results``).
 
     Args:
         study: the study.
         runs: flights or trials per case.
-        executor: runs the jobs; None runs them in this process.
+        executor: an executor, or a function that opens one (``engine.opener``); None runs in this process.
         progress: called after each chunk of runs with the numbers of completed runs and of all runs.
+
+    Raises:
+        InputError: as ``ensemble.run_jobs``.
 
     """
     began, done = time.perf_counter(), 0
@@ -193,16 +197,7 @@ def reproduce(
         "runs_of_each_case": runs,
         "seeds": "of each case from 0 on",
         "wall_time_s": round(time.perf_counter() - began, 1),
-        "versions": versions(),
+        "versions": dict(versions()),
         **({"extensions": {own.name: own.sha256 for own in in_use().values()}} if in_use() else {}),
     }
     return Document(study.title, sections, facts)
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of flightbed, Python and the packages on which the results depend, by name."""
-    return {
-        "flightbed": version("flightbed"),
-        "python": platform.python_version(),
-        **{package: version(package) for package in ("jsbsim", "numpy", "scipy", "numba")},
-    }

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -18,6 +19,7 @@ from flightbed.document import Section
 from flightbed.studies.base import Part, Results, Study, Trials, distinct_jobs, reproduce
 from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
 from tests.studies.tiny import tiny
+from tests.test_journal import workers_of
 
 
 @pytest.fixture(autouse=True)
@@ -116,6 +118,11 @@ def test_an_earlier_study_is_replaced_and_nothing_else_is(capsys: pytest.Capture
         (["reproduce", "silence"], "unknown study 'silence'; did you mean sillence?"),
         (["reproduce", "sillence", "--runs", "0"], "--runs: must be at least 1 (got 0)"),
         (["reproduce", "sillence", "--workers", "-1"], "--workers: must be at least 1 (got -1)"),
+        (
+            ["reproduce", "sillence", "--workers", "2", "--scheduler", "tcp://h:1"],
+            "--workers 2: has no effect with --scheduler",
+        ),
+        (["reproduce", "sillence", "--scheduler", "here"], "--scheduler here: must be the address of a dask scheduler"),
         (["reproduce", "sillence", "--out", "."], "--out .: is the folder you are in"),
         (["reproduce", "sillence", "--runs", "many"], "many"),
     ],
@@ -131,14 +138,18 @@ def test_studies_are_listed(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="finds workers in /proc")
 def test_an_interrupted_study_leaves_nothing(tmp_path: Path) -> None:
-    """Parent and workers get the signal, as from the keyboard."""
+    """As from the keyboard: parent and workers get the signal, workers while they start."""
     process = subprocess.Popen(
-        [*COMMAND, "reproduce", "sillence", "--runs", "500", "--out", "x"],
+        [*COMMAND, "reproduce", "sillence", "--runs", "500", "--workers", "2", "--out", "x"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
         preexec_fn=heed_interrupts,
     )  # fmt: skip
-    time.sleep(5.0)
+    deadline = time.monotonic() + 120.0
+    while len(workers_of(process)) < 2:
+        assert process.poll() is None
+        assert time.monotonic() < deadline
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=120)
     assert (process.returncode, out, err) == (130, "", "flightbed: interrupted; nothing was written\n")

@@ -1,0 +1,16 @@
+"""Versions of the packages that decide the last bits of a flight."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import version
+from types import MappingProxyType
+
+
+@cache
+def versions() -> Mapping[str, str]:
+    """Return package -> version, of flightbed, Python and the numerical packages."""
+    packages = {package: version(package) for package in ("jsbsim", "numpy", "scipy", "numba")}
+    return MappingProxyType({"flightbed": version("flightbed"), "python": platform.python_version(), **packages})
