@@ -31,10 +31,10 @@ class FlightbedError(Exception):
     exit_code = 2
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (type(self), self.args), self.__dict__
+        return _rebuild, (type(self), self.args), self.__dict__
 
 
-def _again(kind: type[FlightbedError], args: tuple[object, ...]) -> FlightbedError:
+def _rebuild(kind: type[FlightbedError], args: tuple[object, ...]) -> FlightbedError:
     return kind.__new__(kind, *args)  # keeps the arguments; what __init__ did is in the state
 
 

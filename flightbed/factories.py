@@ -26,10 +26,13 @@ from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
 from flightbed.estimation.surfaces import SurfacesConfig, TwoStagePitch, TwoStageSurfaces
 from flightbed.estimation.two_stage import ConstantForgetting, Forgetting, NoForgetting, VariableForgetting
-from flightbed.failures.airframe import cg_moved
-from flightbed.failures.base import Failing, healthy
-from flightbed.failures.effector import biased, damaged, driven, ramped, slowed, weakened
+from flightbed.failures.airframe import cg_shift as _cg_shift
+from flightbed.failures.base import HealthHistory, healthy
+from flightbed.failures.effector import bias as _bias
+from flightbed.failures.effector import effectiveness_loss, rate_limited, structural_damage
 from flightbed.failures.effector import floating as _floating
+from flightbed.failures.effector import hardover as _hardover
+from flightbed.failures.effector import ramp as _ramp
 from flightbed.failures.effector import stuck as _stuck
 from flightbed.gusts import Gusts, calm, one_minus_cosine, sine
 from flightbed.short_period import ShortPeriod
@@ -166,52 +169,56 @@ def _pitch_weights(settings: s.Control) -> PitchWeights:
     return PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG)
 
 
-def effectiveness(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+def effectiveness(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Keep the share `to` of the deflection's effect from the first tick at or after at_s."""
-    return weakened(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
+    return effectiveness_loss(
+        before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz)
+    )
 
 
-def structural(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+def structural(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Keep the share `to` of the elevator's pitching moment and `force_to` of its lift and drag from at_s on."""
-    return damaged(before, to=settings.to, force_to=settings.force_to, at_tick=failure_tick(settings, control_hz))
+    return structural_damage(
+        before, to=settings.to, force_to=settings.force_to, at_tick=failure_tick(settings, control_hz)
+    )
 
 
-def cg_shift(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+def cg_shift(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Move the c.g. shift_cbar mean chords aft of where it was at take-off, from at_s on."""
-    return cg_moved(before, shift_cbar=settings.shift_cbar, at_tick=failure_tick(settings, control_hz))
+    return _cg_shift(before, shift_cbar=settings.shift_cbar, at_tick=failure_tick(settings, control_hz))
 
 
-def ramp(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+def ramp(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Lose effectiveness steadily from what it is at at_s to the share `to`, over over_s seconds."""
     at_tick = failure_tick(settings, control_hz)
     ticks = max(1, round(settings.over_s * control_hz))
-    return ramped(before, surface=settings.surface, to=settings.to, at_tick=at_tick, ticks=ticks)
+    return _ramp(before, surface=settings.surface, to=settings.to, at_tick=at_tick, ticks=ticks)
 
 
-def stuck(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+def stuck(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Jam the actuator where it is at at_s."""
     return _stuck(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
 
 
-def floating(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+def floating(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Let the surface come off its actuator at at_s and trail in the stream."""
     return _floating(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
 
 
-def hardover(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+def hardover(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Run the actuator to the stop on the side low or high from at_s on, as fast as it goes."""
     to_rad = inf if settings.side == "high" else -inf
-    return driven(before, surface=settings.surface, to_rad=to_rad, at_tick=failure_tick(settings, control_hz))
+    return _hardover(before, surface=settings.surface, to_rad=to_rad, at_tick=failure_tick(settings, control_hz))
 
 
-def rate_limit(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+def rate_limit(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Leave the share `to` of the actuator's rate limit from at_s on."""
-    return slowed(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
+    return rate_limited(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
 
 
-def bias(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
+def bias(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Add bias_deg to what acts, unseen by the position feedback, from at_s on."""
-    return biased(
+    return _bias(
         before, surface=settings.surface, by_rad=settings.bias_deg * DEG, at_tick=failure_tick(settings, control_hz)
     )
 
@@ -221,9 +228,9 @@ def failure_tick(settings: s.Failure, control_hz: int) -> int:
     return ceil(settings.at_s * control_hz - 1e-6)
 
 
-def failing(scenario: s.Scenario) -> Failing:
+def health_history(scenario: s.Scenario) -> HealthHistory:
     """Return what all failures of a scenario make of the aircraft, in order of time; of two at once the later in the file acts."""
-    health: Failing = healthy
+    health: HealthHistory = healthy
     for failure in sorted(scenario.failures, key=lambda f: f.at_s):
         health = registry.factory("failures", failure.kind)(failure, health, scenario.rates.control_hz)
     return health

@@ -104,7 +104,7 @@ def _tick(store: Array, k: int) -> float:
     elevator = believed * now[2] if store[_EFFECTIVE] > 0.0 else now[2]
     reference = row[2]
     if store[_PEAK] > 0.0 and store[_BELIEVES] != _NOBODY:
-        reference = adaptation.limited(reference, believed, low, high, store[_TRIM], store[_PEAK])
+        reference = adaptation.limit_reference(reference, believed, low, high, store[_TRIM], store[_PEAK])
     alpha, q = now[0], now[1]
     if store[_STATE_FROM] >= 0.0:
         to = _TOLD + int(store[_STATE_FROM]) * _FIELDS
@@ -119,7 +119,7 @@ def _tick(store: Array, k: int) -> float:
         if store[_HOLD] == 0.0:
             store[_INTEGRAL] += store[_PER_TICK] * (reference - q)
     wanted = demand / believed
-    command = adaptation.cut(wanted, low, high)
+    command = adaptation.clip_command(wanted, low, high)
     store[_HOLD] = 1.0 if command != wanted else 0.0
     row[3] = command
     store[_ENDED] = k

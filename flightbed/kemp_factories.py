@@ -13,7 +13,7 @@ from flightbed import settings as s
 from flightbed.control.ackermann import AckermannConfig
 from flightbed.control.autothrottle import Autothrottle
 from flightbed.control.load_factor import POLES, LoadFactorDesign, LoadFactorLaw, gain_table, second_order
-from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, settled
+from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, rest_state
 from flightbed.control.nz_scheduled import NzScheduled
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.plid import CONVENTIONAL, PlidConfig, Tracking
@@ -54,7 +54,7 @@ def nz_adaptive(settings: s.Control, design: LoadFactorDesign, control_hz: int) 
         order=2,
         process_var=wanted.process_var,
         output_var=wanted.output_var,
-        prior=settled(model, design.elevator_trim_rad),
+        prior=rest_state(model, design.elevator_trim_rad),
         prior_var=wanted.prior_var,
         tracking=Tracking(block_fade=wanted.block_fade),
         dtype=_dtype(wanted.precision),

@@ -64,11 +64,11 @@ def _believed(adaptation: Adaptation, estimates: Sequence[Estimate], true_share:
     if not adaptation.enabled:
         return 1.0
     if adaptation.oracle:
-        return adaptation.believed(true_share)
+        return adaptation.effectiveness_used(true_share)
     estimate = estimates[adaptation.estimator]
     if not isfinite(estimate.effectiveness_smoothed):
         raise EstimateError(
             f"estimators: the smoothed K of a surface is {estimate.effectiveness_smoothed} at tick {tick}; "
             "the law cannot be corrected by that"
         )
-    return adaptation.believed(estimate.effectiveness_smoothed, estimate.effectiveness_std)
+    return adaptation.effectiveness_used(estimate.effectiveness_smoothed, estimate.effectiveness_std)

@@ -62,7 +62,7 @@ class LateralTables:
     mach: Matrix
     alpha_rad: Matrix
     coefficients: Matrix
-    bent: Matrix
+    sideslip_slopes: Matrix
     coupling: Matrix
 
     def packed(self) -> Matrix:
@@ -71,7 +71,7 @@ class LateralTables:
             self.coupling.ravel(),
             self.mach,
             self.alpha_rad,
-            np.concatenate([self.coefficients, self.bent], axis=3).ravel(),
+            np.concatenate([self.coefficients, self.sideslip_slopes], axis=3).ravel(),
         )
         return np.concatenate([[float(len(self.mach)), float(len(self.alpha_rad))], *parts])
 
@@ -98,7 +98,7 @@ def tabulate(airframe: Airframe, *, throttle: float) -> LateralTables:
 
     mach = nodes(airframe.breakpoints("mach"), (max(0.1, airframe.mach - _MACHS), airframe.mach + _MACHS), None)
     alphas = nodes(airframe.breakpoints("alpha"), _ALPHAS_RAD, _FILL_RAD)
-    table, bent = np.empty((len(mach), len(alphas), 3, 5)), np.empty((len(mach), len(alphas), 3, 2))
+    table, sideslip_slopes = np.empty((len(mach), len(alphas), 3, 5)), np.empty((len(mach), len(alphas), 3, 2))
     for i, M in enumerate(mach.tolist()):
         speed = M * sound
         for k, alpha in enumerate(alphas.tolist()):
@@ -111,13 +111,13 @@ def tabulate(airframe: Airframe, *, throttle: float) -> LateralTables:
                 slipping, x = np.array([_SLIP, 0.0, 0.0, 0.0, 0.0]), np.zeros(5)
                 x[j] = _STEPS[j]
                 slope = (rates(speed, alpha, slipping + x) - rates(speed, alpha, slipping - x))[:3] / (2.0 * _STEPS[j])
-                bent[i, k, :, j - 3] = (slope - here[:, j]) / _SLIP
+                sideslip_slopes[i, k, :, j - 3] = (slope - here[:, j]) / _SLIP
             here[0, 1] -= np.sin(alpha)
             here[0, 2] += np.cos(alpha)
         table[i] /= 0.7 * pressure * M * M
-        bent[i] /= 0.7 * pressure * M * M
+        sideslip_slopes[i] /= 0.7 * pressure * M * M
         table[i, :, 0, :] *= speed
-        bent[i, :, 0, :] *= speed
+        sideslip_slopes[i, :, 0, :] *= speed
         table[i, :, :, 1:3] *= speed
 
     def spun(p: float, q: float, r: float) -> Matrix:
@@ -131,7 +131,7 @@ def tabulate(airframe: Airframe, *, throttle: float) -> LateralTables:
     even = 0.5 * (spun(s, 0, s) + spun(-s, 0, -s) - spun(s, 0, -s) - spun(-s, 0, s)) / (2.0 * s * s)
     square = 0.25 * (spun(s, 0, 0) + spun(-s, 0, 0) - spun(0, 0, s) - spun(0, 0, -s)) / (s * s)
     coupling = np.array([[by_pq[1], by_qr[1]], [by_pq[2], by_qr[2]], [even[3], square[3]]])
-    return LateralTables(mach, alphas, table, bent, coupling)
+    return LateralTables(mach, alphas, table, sideslip_slopes, coupling)
 
 
 def lateral_directional(

@@ -13,7 +13,16 @@ KINDS = ("retrospective-cost", "input-kalman")
 _RETROSPECTIVE = ("order", "horizon", "regularization", "initial_covariance", "input_forgetting", "saturation_deg")
 _WALK = ("input_step_deg",)
 KEYS = ("unknown", "offset_deg", *_RETROSPECTIVE, *_WALK)  # no other kind has a use for them
-_NOBODY = ("input", "input_at", "alarm_threshold", "hold_std", "memory", "variance_min", "variance_max", "walk_std")
+_WITHOUT_EFFECT = (
+    "input",
+    "input_at",
+    "alarm_threshold",
+    "hold_std",
+    "memory",
+    "variance_min",
+    "variance_max",
+    "walk_std",
+)
 # Of the elevator's effectiveness and its test, which a reconstructed gust has none of.
 _ELEVATOR = (
     "window", "forgetting", "smoothing", "bounds", "follow_disturbances", "false_alarm", "offset_deg", "prior.effectiveness",
@@ -67,7 +76,7 @@ def idle_in_estimator(place: str, estimator: EstimatorSettings, *others: str) ->
     if kind not in KINDS:
         return {}
     of_the_other = _WALK if kind == "retrospective-cost" else _RETROSPECTIVE
-    keys = dict.fromkeys((*others, *_NOBODY, *of_the_other), f"{place}.kind = '{kind}'")
+    keys = dict.fromkeys((*others, *_WITHOUT_EFFECT, *of_the_other), f"{place}.kind = '{kind}'")
     if estimator.unknown == "gust":
         # The retrospective cost knows nothing of noise; of the elevator its test does.
         more = _DISTURBANCES if kind == "retrospective-cost" else ()

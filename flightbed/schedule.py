@@ -30,7 +30,7 @@ Array = npt.NDArray[np.float64]
 
 _FORMAT = 3  # of the file in the cache: change it when what is tabulated changes
 MACHS, ALPHAS_RAD = (0.2, 2.0), (-10.0 * DEG, 45.0 * DEG)
-_FILL_RAD, _BESIDE = 1.0 * DEG, 1e-7
+_FILL_RAD, _NODE_GAP = 1.0 * DEG, 1e-7
 _PROBE_Q = 0.1
 NORMAL, NORMAL_Q, MOMENT, MOMENT_Q, BY_ELEVATOR = 0, 1, 2, 3, 4
 
@@ -171,7 +171,7 @@ def load_schedule(
 def nodes(breakpoints: Sequence[float], span: tuple[float, float], fill: float | None) -> Array:
     """Return nodes on either side of each breakpoint inside, and more where they are further apart than ``fill``."""
     inside = [b for b in breakpoints if span[0] < b < span[1]]
-    nodes = [span[0], *(b + side for b in inside for side in (-_BESIDE, _BESIDE)), span[1]]
+    nodes = [span[0], *(b + side for b in inside for side in (-_NODE_GAP, _NODE_GAP)), span[1]]
     if fill:
         more = np.arange(np.ceil(span[0] / fill), np.floor(span[1] / fill) + 1) * fill
         nodes += [v for v in more.tolist() if min(abs(v - n) for n in nodes) > 0.2 * fill]

@@ -26,13 +26,13 @@ class Fault(NamedTuple):
     """
 
     stuck: bool = False
-    driven_to_rad: float = nan
+    hardover_rad: float = nan
     floats: bool = False
     bias_rad: float = 0.0
     rate_share: float = 1.0
 
 
-SOUND = Fault()
+NO_FAULT = Fault()
 SURFACES = ("elevator", "aileron", "rudder")
 
 
@@ -53,7 +53,7 @@ class Health(NamedTuple):
     cg_shift_cbar: float = 0.0
     aileron: float = 1.0
     rudder: float = 1.0
-    faults: tuple[Fault, Fault, Fault] = (SOUND, SOUND, SOUND)
+    faults: tuple[Fault, Fault, Fault] = (NO_FAULT, NO_FAULT, NO_FAULT)
 
 
 HEALTHY = Health()

@@ -102,6 +102,6 @@ class NzAdaptive:
         return self._table.at(dynamic_pressure_pa(measurement))[1]
 
 
-def settled(model: tuple[float, float, float, float], u: float) -> tuple[float, ...]:
+def rest_state(model: tuple[float, float, float, float], u: float) -> tuple[float, ...]:
     """Return the extended state of a model that has rested at y = 0 with the input u: x_1 = b_0 u, x_2 = y = 0."""
     return model[2] * u, 0.0, *model

@@ -127,7 +127,7 @@ def gains(A: Matrix, b: Matrix, poles: Sequence[complex]) -> Matrix:
     if len(poles) != len(b):
         raise ValueError(f"the loop has {len(b)} states, {len(poles)} poles are given")
     wanted = np.array(poles, dtype=np.complex128)
-    if not paired(wanted):
+    if not has_conjugate_pairs(wanted):
         raise ValueError("complex poles must come in conjugate pairs")
     k = np.zeros(len(b))
     if assign(np.asarray(A, dtype=np.float64), np.asarray(b, dtype=np.float64), wanted, k) < UNCONTROLLABLE:
@@ -135,7 +135,7 @@ def gains(A: Matrix, b: Matrix, poles: Sequence[complex]) -> Matrix:
     return k
 
 
-def paired(poles: Poles) -> bool:
+def has_conjugate_pairs(poles: Poles) -> bool:
     """Tell whether complex poles come with their conjugates, to round-off."""
     polynomial = np.poly(poles)
     return bool(np.max(np.abs(np.imag(polynomial))) <= 1e-9 * np.max(np.abs(polynomial)))

@@ -123,7 +123,7 @@ class Redesign:
     floor: float
     tolerance: float = 0.05
 
-    def consider(self, estimates: Sequence[Estimate]) -> None:
+    def update(self, estimates: Sequence[Estimate]) -> None:
         """Take the estimates of a tick; the laws decide by what was designed from the same tick on."""
         law, index = self.pitch
         K = self._confirmed(estimates[index], law.effectiveness)

@@ -62,7 +62,7 @@ def correlated_threshold(degrees: float, false_alarm: float) -> float:
     return float(chi2.isf(false_alarm, degrees)) / degrees
 
 
-class Calibrated(NamedTuple):
+class CalibratedThreshold(NamedTuple):
     """A threshold from simulated runs without failure.
 
     Attributes:
@@ -78,7 +78,7 @@ class Calibrated(NamedTuple):
     runs: int
 
 
-def calibrated_threshold(largest: Sequence[float] | Array, false_alarm: float) -> Calibrated:
+def calibrated_threshold(largest: Sequence[float] | Array, false_alarm: float) -> CalibratedThreshold:
     """Return the threshold that so many runs without failure exceed anywhere, with what their number leaves uncertain.
 
     Args:
@@ -95,7 +95,7 @@ def calibrated_threshold(largest: Sequence[float] | Array, false_alarm: float) -
     low = float(data[below - 1]) if below > 0 else 0.0
     high = float(data[above]) if above < n else np.inf
     # The order statistic (n + 1) p, which on the average is exceeded as often as asked (Weibull's plotting position).
-    return Calibrated(float(np.quantile(data, 1.0 - false_alarm, method="weibull")), low, high, n)
+    return CalibratedThreshold(float(np.quantile(data, 1.0 - false_alarm, method="weibull")), low, high, n)
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class BiasTestConfig:
             raise ValueError(f"thresholds: must be positive (got {self.thresholds})")
 
 
-class Tested(NamedTuple):
+class BiasTestResult(NamedTuple):
     """What the test says at a sample.
 
     Attributes:
@@ -144,8 +144,8 @@ class BiasTest:
         nothing = [np.zeros(len(config.thresholds))] * config.window
         self._terms: deque[Array] = deque(nothing, maxlen=config.window)
 
-    def update(self, gamma: Array, covariance: Array) -> Tested:
+    def update(self, gamma: Array, covariance: Array) -> BiasTestResult:
         """Take the estimate of a sample, gamma-hat (l,) and its covariance (l, l), and test."""
         self._terms.append(gamma**2 / np.diag(covariance))
         statistic: Array = np.mean(self._terms, axis=0)
-        return Tested(statistic, statistic > self._thresholds)
+        return BiasTestResult(statistic, statistic > self._thresholds)

@@ -11,8 +11,8 @@ from flightbed.compiling import Array, compiled
 
 STAGGERED = 3  # windows that are open at a time, begun one after the other
 OUT = 2  # component of the filter's state that is u^, after errors of alpha and q
-EXPLAINED, BESIDE, ACTUATOR = 0.0, 1.0, 2.0  # what a verdict says
-RATIO, ALARMS, SMOOTHED, _BESIDE, _ACTUATOR, _ALPHA, _Q = range(7)  # what lies where in ``marks``
+EXPLAINED, OFFSET, ACTUATOR = 0.0, 1.0, 2.0  # what a verdict says
+RATIO, ALARMS, SMOOTHED, _OFFSET, _ACTUATOR, _ALPHA, _Q = range(7)  # what lies where in ``marks``
 MARKS = 7
 
 
@@ -41,11 +41,11 @@ class Following(NamedTuple):
     spread: Array
     sums: Array
     ages: Array
-    said: Array
+    offset_signs: Array
     marks: Array
 
 
-class Told(NamedTuple):
+class FollowingEstimate(NamedTuple):
     """What a tick says: K-hat in bounds, its standard deviation, smoothed, raw; o and its standard deviation, deg; verdict, alarms.
 
     Then that of n, deg; NIS of the readings less what K and o explain of them; these innovations and their standard deviations, in
@@ -70,19 +70,19 @@ class Told(NamedTuple):
 
 
 @compiled
-def reopen(memory: Following, window: int) -> None:
+def restart(memory: Following, window: int) -> None:
     """Take the filter to have been put to the readings: its error is theirs; all windows open anew."""
     memory.response[:], memory.noise[:], memory.cross[:] = 0.0, 0.0, 0.0
     memory.noise[0, 0] = memory.noise[1, 1] = 1.0
     memory.marks[_ALPHA], memory.marks[_Q] = 0.0, 0.0
     for m in range(1, memory.ages.size):
-        _close(memory, m)
+        _clear_window(memory, m)
         memory.ages[m] = -float((m - 1) % STAGGERED * window // STAGGERED)
-        memory.said[m] = 0.0
+        memory.offset_signs[m] = 0.0
 
 
 @compiled
-def _close(memory: Following, m: int) -> None:
+def _clear_window(memory: Following, m: int) -> None:
     memory.sums[m], memory.spread[m] = 0.0, 0.0
     memory.cross[:, 2 * m : 2 * m + 2] = 0.0
     memory.ages[m] = 0.0
@@ -111,19 +111,19 @@ def solved(sums: Array, spread: Array) -> tuple[float, float, float, float, floa
 
 
 @compiled
-def _judge(memory: Following, settings: Array, m: int) -> None:
+def _test_window(memory: Following, settings: Array, m: int) -> None:
     """Judge a window that is full: follow the size of its residuals, compare with the window before, raise or take back."""
-    sums, marks, said = memory.sums[m], memory.marks, memory.said
-    sign, within, which = 0.0, False, _BESIDE if m <= STAGGERED else _ACTUATOR
+    sums, marks, offset_signs = memory.sums[m], memory.marks, memory.offset_signs
+    sign, within, which = 0.0, False, _OFFSET if m <= STAGGERED else _ACTUATOR
     K, o, var_o, taken = 0.0, sums[4] / sums[2], memory.spread[m, 2] / (sums[2] * sums[2]), 0.0
-    if which == _BESIDE:
+    if which == _OFFSET:
         K, o, _, var_o, taken = solved(sums, memory.spread[m])
         if sums[0] - sums[1] * sums[1] / sums[2] < settings[8] * settings[8] * sums[2]:
             var_o = inf  # it moves less than what is tolerated, and much of that is the law's answer to the same noise
     if var_o < inf:
-        ratio = marks[RATIO] if which == _BESIDE else 1.0
+        ratio = marks[RATIO] if which == _OFFSET else 1.0
         expected = sums[6] - taken
-        if which == _BESIDE and expected > 1e-9 * sums[6]:
+        if which == _OFFSET and expected > 1e-9 * sums[6]:
             seen = max(sums[5] - K * sums[3] - o * sums[4], 0.0) / expected
             ratio = max(ratio + (min(seen, 4.0 * ratio) - ratio) / 30.0, 1.0)
             marks[RATIO] = ratio
@@ -135,17 +135,17 @@ def _judge(memory: Following, settings: Array, m: int) -> None:
             within = within and sums[5] < 4.0 * settings[8] * settings[8] * sums[2]
     if within:
         marks[which] = 0.0
-    elif sign != 0.0 and sign == said[m] and marks[which] == 0.0:
+    elif sign != 0.0 and sign == offset_signs[m] and marks[which] == 0.0:
         marks[which] = 1.0
         marks[ALARMS] += 1.0
-    said[m] = sign
+    offset_signs[m] = sign
 
 
 @compiled
 def follow(
-    response: Array, noise: Array, cross: Array, spread: Array, sums: Array, ages: Array, said: Array, marks: Array,
-    settings: Array, F: Array, G: Array, Q: Array, B: Array, z: Array, told: float, feedback: float, commanded: float,
-) -> Told:  # fmt: skip
+    response: Array, noise: Array, cross: Array, spread: Array, sums: Array, ages: Array, offset_signs: Array, marks: Array,
+    settings: Array, F: Array, G: Array, Q: Array, B: Array, z: Array, reconstruction: float, feedback: float, commanded: float,
+) -> FollowingEstimate:  # fmt: skip
     """Take one tick of a reconstruction.
 
     Args:
@@ -162,9 +162,9 @@ def follow(
         commanded: the deflection that was asked for over it, deg, as the actuator should have made it; nan if nobody told.
 
     """
-    memory = Following(response, noise, cross, spread, sums, ages, said, marks)
+    memory = Following(response, noise, cross, spread, sums, ages, offset_signs, marks)
     n, count = noise.shape[0], ages.size
-    heard = commanded == commanded
+    has_command = commanded == commanded
     for i in range(2):
         b = marks[_ALPHA + i]
         response[i, 0] += b * feedback
@@ -186,7 +186,7 @@ def follow(
             ages[m] += 1.0
             continue
         if m > STAGGERED:
-            if heard:
+            if has_command:
                 sums[m, 2] += 1.0
                 sums[m, 4] += feedback - commanded
                 sums[m, 5] += (feedback - commanded) ** 2
@@ -202,22 +202,30 @@ def follow(
         for i in range(n):
             cross[i, at] = keep * cross[i, at] + noise[i, OUT] * d
             cross[i, at + 1] = keep * cross[i, at + 1] + noise[i, OUT] * one
-        new = (d * d, d * one, one * one, d * told, one * told, told * told, n_var)
+        new = (
+            d * d,
+            d * one,
+            one * one,
+            d * reconstruction,
+            one * reconstruction,
+            reconstruction * reconstruction,
+            n_var,
+        )
         for i in range(7):
             sums[m, i] = keep * sums[m, i] + new[i]
         ages[m] += 1.0
     for m in range(1, count):
         if ages[m] >= settings[6]:
             if m <= STAGGERED or sums[m, 2] > 0.0:
-                _judge(memory, settings, m)
-            _close(memory, m)
-    return _say(memory, settings, n_var, before, z, s0, s1, s01)
+                _test_window(memory, settings, m)
+            _clear_window(memory, m)
+    return _estimate(memory, settings, n_var, before, z, s0, s1, s01)
 
 
 @compiled
-def _say(
+def _estimate(
     memory: Following, settings: Array, n_var: float, before: Array, z: Array, s0: float, s1: float, s01: float
-) -> Told:
+) -> FollowingEstimate:
     """Return K, o and the rest; ``before`` (2, 2) and s are response and covariance of z."""
     marks, sums = memory.marks, memory.sums[0].copy()
     ratio, prior, prior_var = (marks[RATIO] if settings[9] > 0.0 else 1.0), settings[1], settings[2]
@@ -231,15 +239,15 @@ def _say(
     sums[3] += weight_K * prior
     slope, offset, variance, var_o, _ = solved(sums, spread)
     K = slope
-    if marks[_BESIDE] == 0.0:
+    if marks[_OFFSET] == 0.0:
         K, variance = sums[3] / sums[0], spread[0] / (sums[0] * sums[0])
     bounded = min(max(K, settings[4]), settings[5])
     marks[SMOOTHED] = settings[3] * marks[SMOOTHED] + (1.0 - settings[3]) * bounded
-    e0 = z[0] - K * before[0, 0] - (offset * before[0, 1] if marks[_BESIDE] > 0.0 else 0.0)
-    e1 = z[1] - K * before[1, 0] - (offset * before[1, 1] if marks[_BESIDE] > 0.0 else 0.0)
+    e0 = z[0] - K * before[0, 0] - (offset * before[0, 1] if marks[_OFFSET] > 0.0 else 0.0)
+    e1 = z[1] - K * before[1, 0] - (offset * before[1, 1] if marks[_OFFSET] > 0.0 else 0.0)
     nis = max((s1 * e0 * e0 - 2.0 * s01 * e0 * e1 + s0 * e1 * e1) / (s0 * s1 - s01 * s01), 0.0)
-    verdict = BESIDE if marks[_BESIDE] > 0.0 else ACTUATOR if marks[_ACTUATOR] > 0.0 else EXPLAINED
-    return Told(
+    verdict = OFFSET if marks[_OFFSET] > 0.0 else ACTUATOR if marks[_ACTUATOR] > 0.0 else EXPLAINED
+    return FollowingEstimate(
         bounded, sqrt(variance), marks[SMOOTHED], K, offset, sqrt(var_o), verdict, marks[ALARMS], sqrt(n_var),
         nis, e0, e1, sqrt(s0), sqrt(s1), slope,
     )  # fmt: skip

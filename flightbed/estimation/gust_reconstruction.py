@@ -70,16 +70,16 @@ class GustReconstruction:
         self._kept = 1.0 - dt / config.memory_s
         disturbed = np.array([config.alpha_disturbance_rad_s, config.q_disturbance_rad_s2, 0.0]) * dt / self._sigma
         self._process = np.diag(disturbed**2)
-        self._anew()
+        self._reset()
         for _ in range(2):  # compile, or load what was compiled, now and not in flight
             self.update(Measurement(0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0))
-        self._anew()
+        self._reset()
 
-    def _anew(self) -> None:
+    def _reset(self) -> None:
         self._last: Measurement | None = None
         self._estimator: RetrospectiveCost | InputKalmanFilter | None = None
 
-    def _begun(self, model: InputModel, y: Array) -> RetrospectiveCost | InputKalmanFilter:
+    def _start(self, model: InputModel, y: Array) -> RetrospectiveCost | InputKalmanFilter:
         method, unit, state = self._config.method, float(self._sigma[2]), np.array([y[0], y[1], 0.0])
         if isinstance(method, WalkSettings):
             walk = random_walk(1, step_std=method.step_rad / unit, initial_std=method.step_rad / unit)
@@ -108,10 +108,10 @@ class GustReconstruction:
             np.array([u, 1.0]),
         )
         if self._estimator is None:
-            self._estimator = self._begun(model, y)
+            self._estimator = self._start(model, y)
         state, innovation = _take(self._estimator, y, known, model)
         if not (np.all(np.isfinite(state)) and np.all(np.abs(innovation) < FAR)):
-            self._estimator = self._begun(model, y)
+            self._estimator = self._start(model, y)
             state, innovation = _take(self._estimator, y, known, model)
         return _estimate(state * self._sigma, innovation * self._sigma[:2])
 

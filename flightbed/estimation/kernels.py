@@ -12,10 +12,12 @@ import numpy as np
 
 from flightbed.compiling import Array, compiled
 
-Found = tuple[float, float, float, float, float, float, float, float, float, float, float, float]  # what a tick gives
+TickResult = tuple[
+    float, float, float, float, float, float, float, float, float, float, float, float
+]  # what a tick gives
 
 FIXED, ANCHORED, CORRECTED = 0.0, 1.0, 2.0  # how a filter starts
-YOUNG = 15.0  # ticks after an alarm in which the time of the change is still looked for
+ONSET_TICKS = 15.0  # ticks after an alarm in which the time of the change is still looked for
 
 
 @compiled
@@ -141,11 +143,11 @@ def disturbance(
 
     """
     leak, slow = 1.0 - 1.0 / 15.0, max(1.0 / 300.0, 1.0 / (k + 20.0))
-    x0, x1, believed = bank[36, 0], bank[37, 0], bank[24, 0]
+    x0, x1, effectiveness = bank[36, 0], bank[37, 0], bank[24, 0]
     found0, found1 = 0.0, 0.0
     for i in range(2):
         z = z0 if i == 0 else z1
-        e = z - (model[i, 0] * x0 + model[i, 1] * x1 + model[i, 2] * believed * u + model[i, 3])
+        e = z - (model[i, 0] * x0 + model[i, 1] * x1 + model[i, 2] * effectiveness * u + model[i, 3])
         total, square, r = leak * bank[32 + i, 0] + e, bank[34 + i, 0], settings[21 + i]
         square += slow * (min(total * total, 4.0 * (square + r)) - square)
         bank[32 + i, 0], bank[34 + i, 0] = total, square
@@ -178,22 +180,22 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
     W = bank.shape[1]
     since = k % W
     prior, prior_var, threshold, youngest = settings[6], settings[15], settings[31], settings[33]
-    young = k - bank[31, 0] <= YOUNG
-    level, level_var = (bank[29, 0], bank[30, 0]) if young else (bank[25, 0], bank[26, 0])
+    recent = k - bank[31, 0] <= ONSET_TICKS
+    level, level_var = (bank[29, 0], bank[30, 0]) if recent else (bank[25, 0], bank[26, 0])
     highest, slot = 0.0, -1
     for w in range(W):
         age = _age(w, since, k, W)
-        if age < youngest or (young and k - age < bank[38, 0]):
+        if age < youngest or (recent and k - age < bank[38, 0]):
             continue
         information = 1.0 / bank[11, w] - 1.0 / prior_var
         if information <= 1e-9:
             continue
-        said = (bank[2, w] / bank[11, w] - prior / prior_var) / information
-        ratio = (said - level) ** 2 / (1.0 / information + level_var)
+        mean = (bank[2, w] / bank[11, w] - prior / prior_var) / information
+        ratio = (mean - level) ** 2 / (1.0 / information + level_var)
         if ratio > highest:
             highest, slot = ratio, w
-    raised = highest > threshold and not young
-    if slot >= 0 and (raised or (young and highest > threshold)):
+    raised = highest > threshold and not recent
+    if slot >= 0 and (raised or (recent and highest > threshold)):
         age = _age(slot, since, k, W)
         if raised:
             bank[29, 0], bank[30, 0], bank[31, 0] = bank[25, 0], bank[26, 0], float(k)
@@ -204,7 +206,7 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
 
 
 @compiled
-def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -> Found:
+def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -> TickResult:
     """Advance a bank by one sample, both states measured, and return the estimate of the filter that has the most data.
 
     Tick 0 starts every filter. In a window (W > 1) filter k mod W has then seen exactly W samples: it gives the
@@ -270,28 +272,30 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
             else:
                 bank[27, 0] = -1.0
     gain, variance = bank[2, best], bank[11, best]
-    told = max(0.0, 1.0 / variance - 1.0 / prior_var)  # information on K in the data alone, and times what they say
-    said = gain / variance - prior / prior_var
+    information = max(
+        0.0, 1.0 / variance - 1.0 / prior_var
+    )  # information on K in the data alone, and times what they say
+    weighted_mean = gain / variance - prior / prior_var
     if hold > 0.0:  # the last estimate, with this variance, in place of the prior of K
-        variance = 1.0 / (told + 1.0 / hold)
-        gain = variance * (said + bank[24, 0] / hold)
+        variance = 1.0 / (information + 1.0 / hold)
+        gain = variance * (weighted_mean + bank[24, 0] / hold)
     bounded = min(max(gain, low), high)
     if threshold > 0.0:
         since = k - bank[31, 0]
         if raised:
             bank[24, 0], bank[39, 0] = bounded, bank[39, 0] + 1.0
-        elif since <= YOUNG:
-            share = max(1.0 - keep, 1.0 - since / YOUNG)
+        elif since <= ONSET_TICKS:
+            share = max(1.0 - keep, 1.0 - since / ONSET_TICKS)
             bank[24, 0] += share * (bounded - bank[24, 0])
         elif hold > 0.0:
             # What is new in a window at a tick is a W-th of its information: the smoother follows that, and holds without it.
-            share = min(1.0 - keep, bank[42, 0] / (bank[42, 0] + W / max(told, 1e-9)))
-            bank[24, 0] += share * (said / max(told, 1e-9) - bank[24, 0])
+            share = min(1.0 - keep, bank[42, 0] / (bank[42, 0] + W / max(information, 1e-9)))
+            bank[24, 0] += share * (weighted_mean / max(information, 1e-9) - bank[24, 0])
             bank[24, 0] = min(max(bank[24, 0], low), high)
             bank[42, 0] = (1.0 - share) * bank[42, 0] + hold / 4000.0
         else:
             bank[24, 0] = keep * bank[24, 0] + (1.0 - keep) * bounded
-        if since <= YOUNG:
+        if since <= ONSET_TICKS:
             bank[42, 0] = variance
         if bank[27, 0] >= 0.0:
             bank[25, 0], bank[26, 0] = gain, variance

@@ -10,7 +10,7 @@ import numpy as np
 from flightbed.compiling import Array, compiled
 from flightbed.estimation import kernels, pitch_model
 from flightbed.estimation.base import OnBoard
-from flightbed.estimation.kernels import Found
+from flightbed.estimation.kernels import TickResult
 from flightbed.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.units import DEG
 
@@ -71,7 +71,9 @@ class LoopGainConfig:
 
 
 @compiled
-def observe(bank: Array, settings: Array, schedule: Array, wiring: Array, then: Array, now: Array, k: int) -> Found:
+def observe(
+    bank: Array, settings: Array, schedule: Array, wiring: Array, then: Array, now: Array, k: int
+) -> TickResult:
     """Take the readings of tick k, in arrays; what ``LoopGain.update`` does, for callers that are compiled themselves.
 
     Args:

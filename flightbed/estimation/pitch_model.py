@@ -7,7 +7,7 @@ from math import cos, exp, pi, sin, sqrt
 import numpy as np
 
 from flightbed.compiling import Array, compiled
-from flightbed.estimation.kernels import Found
+from flightbed.estimation.kernels import TickResult
 from flightbed.estimation.kernels import tick as advance
 from flightbed.units import G0
 
@@ -116,7 +116,7 @@ def rates(
 
 @compiled
 def local_model(
-    schedule: Array, model: Array, work: Array, believed: float, dt: float, alpha: float, q: float, elevator: float,
+    schedule: Array, model: Array, work: Array, effectiveness: float, dt: float, alpha: float, q: float, elevator: float,
     mach: float, altitude_m: float, theta: float, phi: float, q_gust: float,
 ) -> float:  # fmt: skip
     """Write the model of one period into ``model``: (2, 4), [A | b | c] of x+ = A x + b K u + c, x = (alpha, q), u the deflection.
@@ -126,7 +126,7 @@ def local_model(
     aircraft turns at q_gust: damping acts on the difference. ``work`` is room, (2, 4). Returns the damping, d q'/d q, 1/s.
 
     """
-    rates(schedule, work, alpha, q, believed * elevator, mach, altitude_m, theta, phi)
+    rates(schedule, work, alpha, q, effectiveness * elevator, mach, altitude_m, theta, phi)
     a00, a01, a10, a11 = work[0, 1], work[0, 2], work[1, 1], work[1, 2]
     # S = I dt + A dt^2/2 + A^2 dt^3/6, so that e^(A dt) = I + A S.
     s2, s3 = dt * dt / 2.0, dt * dt * dt / 6.0
@@ -136,8 +136,8 @@ def local_model(
     s11 = dt + s2 * a11 + s3 * (a10 * a01 + a11 * a11)
     work[0, 0] -= (work[0, 2] - 1.0) * q_gust
     work[1, 0] -= work[1, 2] * q_gust
-    c0 = work[0, 0] - a00 * alpha - a01 * q - work[0, 3] * believed * elevator
-    c1 = work[1, 0] - a10 * alpha - a11 * q - work[1, 3] * believed * elevator
+    c0 = work[0, 0] - a00 * alpha - a01 * q - work[0, 3] * effectiveness * elevator
+    c1 = work[1, 0] - a10 * alpha - a11 * q - work[1, 3] * effectiveness * elevator
     model[0, 0], model[0, 1] = 1.0 + a00 * s00 + a01 * s10, a00 * s01 + a01 * s11
     model[1, 0], model[1, 1] = a10 * s00 + a11 * s10, 1.0 + a10 * s01 + a11 * s11
     model[0, 2], model[1, 2] = s00 * work[0, 3] + s01 * work[1, 3], s10 * work[0, 3] + s11 * work[1, 3]
@@ -147,8 +147,8 @@ def local_model(
 
 @compiled
 def local_models(
-    schedule: Array, models: Array, believed: Array, dt: float, alpha: Array, q: Array, elevator: Array, mach: Array, altitude_m: Array,
-    theta: Array, phi: Array,
+    schedule: Array, models: Array, effectiveness: Array, dt: float, alpha: Array, q: Array, elevator: Array, mach: Array,
+    altitude_m: Array, theta: Array, phi: Array,
 ) -> None:  # fmt: skip
     """Write the models of the periods that end at ticks 1, 2, ... into ``models``: (T, 2, 4), each as ``local_model``, in calm air.
 
@@ -158,7 +158,7 @@ def local_models(
     for k in range(1, models.shape[0]):
         i = k - 1
         local_model(
-            schedule, models[k], work, believed[i], dt, alpha[i], q[i], elevator[k], mach[i], altitude_m[i], theta[i], phi[i], 0.0
+            schedule, models[k], work, effectiveness[i], dt, alpha[i], q[i], elevator[k], mach[i], altitude_m[i], theta[i], phi[i], 0.0
         )  # fmt: skip
 
 
@@ -166,7 +166,7 @@ def local_models(
 def tick(
     bank: Array, settings: Array, schedule: Array, dt: float, elevator: float, z0: float, z1: float,
     alpha: float, q: float, mach: float, altitude_m: float, theta: float, phi: float, k: int,
-) -> Found:  # fmt: skip
+) -> TickResult:  # fmt: skip
     """Advance a bank by one sample on the schedule: ``kernels.tick`` with the model of the period that ends now.
 
     Where the process noise follows disturbances, the gust's pitch rate is taken off too. A vertical gust w that varies along the flight
@@ -207,8 +207,8 @@ def tick(
             share * rate * last,
         )
         if follow:
-            told = model[0, 0] * alpha + model[0, 1] * q + model[0, 2] * bank[24, 0] * elevator + model[0, 3]
-            bank[40, 0] = (1.0 - rate * dt) * last + z0 - told
+            predicted = model[0, 0] * alpha + model[0, 1] * q + model[0, 2] * bank[24, 0] * elevator + model[0, 3]
+            bank[40, 0] = (1.0 - rate * dt) * last + z0 - predicted
             bank[41, 0] += max(1.0 / 300.0, 1.0 / (k + 20.0)) * (bank[40, 0] * bank[40, 0] - bank[41, 0])
             # The mean over a period of two frames, each under the gust at its beginning, has a quarter of the new value.
             model[1, 3] -= damping * dt * share * rate * 0.25 * (bank[40, 0] - last)

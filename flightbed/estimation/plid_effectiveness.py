@@ -67,7 +67,7 @@ def band_pass(config: PlidEffectivenessConfig, hz: int) -> tuple[Array, Array]:
     return np.asarray(b, dtype=np.float64), np.asarray(a, dtype=np.float64)
 
 
-def projected(b: Array, healthy: Array, covariance: Array) -> tuple[float, float]:
+def project(b: Array, healthy: Array, covariance: Array) -> tuple[float, float]:
     """Return K-hat and its standard deviation, of numerators b and healthy (2,) and the covariance of b (2, 2).
 
     A covariance that round-off has made indefinite weighs nothing: b is projected as it is.
@@ -120,14 +120,14 @@ class PlidEffectiveness:
         self._design = transfer_function(held.A, held.b)
         self._model, self._work = np.zeros((2, 4)), np.zeros((2, 4))
         self._numerator, self._denominator = band_pass(config, onboard.control_hz)
-        self._passed = np.zeros((3, 2))  # state of the band pass, of pitch rate and elevator
+        self._band_state = np.zeros((3, 2))  # state of the band pass, of pitch rate and elevator
         self._last: Measurement | None = None
         self._plid: Plid | None = None
         self._smoothed = 1.0
         for _ in range(2):  # compile, or load what was compiled, now and not in flight
             self.update(Measurement(0.05, 0.0, 0.0, 0.0, 0.6, 0.0, 0.05, 0.0))
         self._last, self._plid, self._smoothed = None, None, 1.0
-        self._passed[:] = 0.0
+        self._band_state[:] = 0.0
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
@@ -135,11 +135,11 @@ class PlidEffectiveness:
         self._last = measurement
         denominator, healthy = self._healthy(last)
         if self._plid is None:
-            self._plid = self._begun(denominator, healthy)
+            self._plid = self._start(denominator, healthy)
             self._first = np.array([measurement.q_rad_s, measurement.elevator_mean_rad])
         q, plid = measurement.q_rad_s, self._plid
         plid.update(*self._band(np.array([q, measurement.elevator_mean_rad]) - self._first))
-        raw, std = projected(plid.parameters[2:], healthy, plid.covariance[4:, 4:])
+        raw, std = project(plid.parameters[2:], healthy, plid.covariance[4:, 4:])
         bounded = min(max(raw, config.bounds[0]), config.bounds[1])
         self._smoothed = config.smoothing * self._smoothed + (1.0 - config.smoothing) * bounded
         innovation, variance = float(plid.innovation), float(plid.innovation_var)
@@ -151,7 +151,7 @@ class PlidEffectiveness:
 
     def _band(self, signals: Array) -> list[float]:
         """Pass pitch rate and elevator through the band pass (direct form II, transposed)."""
-        b, a, held = self._numerator, self._denominator, self._passed
+        b, a, held = self._numerator, self._denominator, self._band_state
         out = b[0] * signals + held[0]
         held[:] = b[1:, None] * signals - a[1:, None] * out + np.vstack([held[1:], _NOTHING])
         found: list[float] = out.tolist()
@@ -165,7 +165,7 @@ class PlidEffectiveness:
         struck[0] = 1.0
         return np.asarray(lfilter(self._numerator, self._denominator, struck), dtype=np.float64)
 
-    def _begun(self, denominator: Array, healthy: Array) -> Plid:
+    def _start(self, denominator: Array, healthy: Array) -> Plid:
         config = self._config
         spread = config.prior_effectiveness_var * healthy**2
         left = np.convolve(self._impulse(), [1.0, -denominator[1], -denominator[0]])

@@ -22,12 +22,12 @@ from flightbed.estimation import following, kernels, pitch_model
 from flightbed.estimation.actuator import ActuatorOnBoard
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.following import FollowingConfig
-from flightbed.estimation.following_kernels import ALARMS, follow, reopen
+from flightbed.estimation.following_kernels import ALARMS, follow, restart
 from flightbed.estimation.input_model import InputModel
 from flightbed.estimation.reconstruction_methods import (
-    ByRandomWalk,
-    ByRetrospectiveCost,
     Method,
+    RandomWalkMethod,
+    RetrospectiveCostMethod,
     RetrospectiveSettings,
     WalkSettings,
 )
@@ -97,7 +97,7 @@ class Disturbances:
         self._bank, self._settings, self._tick = kernels.new_bank(1), np.ones(23), 0
         self._bank[24, 0] = self._bank[34, 0] = self._bank[35, 0] = 1.0
 
-    def found(self, model: InputModel, acting: float, y: Array) -> Array:
+    def variances(self, model: InputModel, acting: float, y: Array) -> Array:
         """Return variances (2,) of what else than the deflection that K explains moves alpha and q in a tick; y (2,) ends the period."""
         rows = np.column_stack([model.A, model.B, model.G])
         more = kernels.disturbance(self._bank, self._settings, rows, acting, y[0], y[1], self._tick)
@@ -114,7 +114,7 @@ class ElevatorReconstruction:
     """The acting deflection by one of the methods, K by regression, and the test; an Estimator, and Commanded.
 
     The commands that it is told go to the test alone. ``alarms`` counts how often something was declared that no K explains, ``verdict``
-    says what: ``following_kernels.BESIDE`` (what acts does not follow the measured deflection: a bias, or a surface that has come off)
+    says what: ``following_kernels.OFFSET`` (what acts does not follow the measured deflection: a bias, or a surface that has come off)
     or ``following_kernels.ACTUATOR`` (it does, but does not follow the command: stuck, run to a stop, slow).
 
     Args:
@@ -136,24 +136,24 @@ class ElevatorReconstruction:
         self._Q = disturbed**2
         self._method: Method
         if isinstance(config.method, WalkSettings):
-            self._method = ByRandomWalk(config.method, self._Q)
+            self._method = RandomWalkMethod(config.method, self._Q)
         else:
-            self._method = ByRetrospectiveCost(config.method.config(DEG))
+            self._method = RetrospectiveCostMethod(config.method.config(DEG))
         self._settings = following.packed(config.following, noise.elevator_rad)
         self._window = config.following.window
         self._actuator = (
             ActuatorOnBoard(onboard.actuator, onboard.control_hz, onboard.delay_ticks) if onboard.actuator else None
         )
         self._follows = config.following.follow_disturbances
-        self._anew(config)
+        self._reset(config)
         for _ in range(2):  # compile, or load what was compiled, now and not in flight
             self.update(Measurement(0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0))
         assert self._before is not None
-        self._rough.found(self._before, 0.0, np.zeros(2))
-        reopen(self._memory, self._window)
-        self._anew(config)
+        self._rough.variances(self._before, 0.0, np.zeros(2))
+        restart(self._memory, self._window)
+        self._reset(config)
 
-    def _anew(self, config: ReconstructionConfig) -> None:
+    def _reset(self, config: ReconstructionConfig) -> None:
         self._memory = following.begin(self._method.states, config.following)
         self._rough, self._acting, self._explained = Disturbances(), 0.0, (1.0, 0.0)
         self._before: InputModel | None = None
@@ -181,11 +181,13 @@ class ElevatorReconstruction:
             return Estimate(nan, nan, nan, nan, nan, nan, nan, alarms=float(self._memory.marks[ALARMS]))
         if self._lost:  # begin anew, with the K that was known
             self._lost, self._before = False, None
-            reopen(self._memory, self._window)
+            restart(self._memory, self._window)
         if self._before is None:
             self._method.begin(model, y)
         if self._before is not None and self._follows and self._tick >= self._window:
-            process = process + self._rough.found(self._before, self._explained[0] * deflection + self._explained[1], y)
+            process = process + self._rough.variances(
+                self._before, self._explained[0] * deflection + self._explained[1], y
+            )
         else:
             self._rough.at(y)
         self._before, self._tick = model, self._tick + 1
@@ -193,30 +195,30 @@ class ElevatorReconstruction:
         if not (isfinite(found.input) and np.all(np.abs(found.innovation) < FAR)):
             self._method.begin(model, y)
             found = self._method.take(model, y)
-            reopen(self._memory, self._window)
-        told = follow(
+            restart(self._memory, self._window)
+        estimate = follow(
             *self._memory, self._settings, found.F, found.G, process, model.B[:, 0], found.innovation, found.input,
             deflection, asked,
         )  # fmt: skip
-        self._explained = told.slope, told.offset
+        self._explained = estimate.slope, estimate.offset
         self._acting = min(max(found.input, -90.0), 90.0) * DEG
         state, (alpha, q) = found.state * self._sigma, self._sigma
         return Estimate(
-            effectiveness=told.effectiveness,
-            effectiveness_std=told.effectiveness_std,
-            effectiveness_smoothed=told.effectiveness_smoothed,
-            effectiveness_raw=told.effectiveness_raw,
+            effectiveness=estimate.effectiveness,
+            effectiveness_std=estimate.effectiveness_std,
+            effectiveness_smoothed=estimate.effectiveness_smoothed,
+            effectiveness_raw=estimate.effectiveness_raw,
             alpha_rad=float(state[0]),
             q_rad_s=float(state[1]),
-            nis=told.nis,
-            alarms=told.alarms,
-            innovation_alpha_rad=told.innovation_alpha * alpha,
-            innovation_q_rad_s=told.innovation_q * q,
-            innovation_alpha_std_rad=told.innovation_alpha_std * alpha,
-            innovation_q_std_rad_s=told.innovation_q_std * q,
+            nis=estimate.nis,
+            alarms=estimate.alarms,
+            innovation_alpha_rad=estimate.innovation_alpha * alpha,
+            innovation_q_rad_s=estimate.innovation_q * q,
+            innovation_alpha_std_rad=estimate.innovation_alpha_std * alpha,
+            innovation_q_std_rad_s=estimate.innovation_q_std * q,
             reconstructed_rad=found.input * DEG,
-            reconstructed_std_rad=told.noise_std * DEG,
-            offset_rad=told.offset * DEG,
-            offset_std_rad=told.offset_std * DEG,
-            verdict=told.verdict,
+            reconstructed_std_rad=estimate.noise_std * DEG,
+            offset_rad=estimate.offset * DEG,
+            offset_std_rad=estimate.offset_std * DEG,
+            verdict=estimate.verdict,
         )

@@ -72,7 +72,7 @@ class WalkSettings:
     initial_rad: float = 10.0 * DEG
 
 
-class Reconstructed(NamedTuple):
+class InputReconstruction(NamedTuple):
     """What a method says at a tick, in deg and standard deviations of the sensors.
 
     Attributes:
@@ -98,11 +98,11 @@ class Method(Protocol):
     def begin(self, model: InputModel, y: Array) -> None:
         """Put the model to the readings of a tick."""
 
-    def take(self, model: InputModel, y: Array) -> Reconstructed:
+    def take(self, model: InputModel, y: Array) -> InputReconstruction:
         """Take the readings of the next tick; the model leads on from it."""
 
 
-class ByRetrospectiveCost:
+class RetrospectiveCostMethod:
     """Reconstruction by retrospective cost; its error's state is (e, u^ of the last n_c samples, z of the last n_c), newest first."""
 
     def __init__(self, config: RetrospectiveConfig) -> None:
@@ -121,19 +121,21 @@ class ByRetrospectiveCost:
         self._cost = RetrospectiveCost(self._config, model, state=y)
         self._F[self._newest, :2] = self._G[self._newest] = 0.0  # the first z is 0, whatever the readings' errors
 
-    def take(self, model: InputModel, y: Array) -> Reconstructed:
+    def take(self, model: InputModel, y: Array) -> InputReconstruction:
         """Take the readings of the next tick; of noise the method knows nothing."""
         assert self._cost is not None
         found = self._cost.update(y, _KNOWN, model=model)
         F, theta = self._F, self._cost.gains
         F[:2, :2], F[2, 2:] = model.A, theta[0]
         F[:2, 2:] = -model.B @ theta
-        told = Reconstructed(float(found.input[0]), found.state, found.performance, F.copy(), self._G.copy())
+        reconstruction = InputReconstruction(
+            float(found.input[0]), found.state, found.performance, F.copy(), self._G.copy()
+        )
         F[self._newest, :2] = self._G[self._newest] = np.eye(2)
-        return told
+        return reconstruction
 
 
-class ByRandomWalk:
+class RandomWalkMethod:
     """Reconstruction by a Kalman filter of (x, u); its error's state is (e, u^).
 
     Args:
@@ -155,7 +157,7 @@ class ByRandomWalk:
             self._dynamics, model, process=self._process, noise=np.eye(2), state_covariance=NOTHING * np.eye(2), state=y
         )
 
-    def take(self, model: InputModel, y: Array) -> Reconstructed:
+    def take(self, model: InputModel, y: Array) -> InputReconstruction:
         """Take the readings of the next tick."""
         assert self._filter is not None
         found = self._filter.update(y, _KNOWN, model=model)
@@ -166,4 +168,6 @@ class ByRandomWalk:
         corrected[:2, :2] -= gain[:2]
         corrected[2, :2] = gain[2]
         given = np.vstack([-gain[:2], gain[2:]])
-        return Reconstructed(float(found.input[0]), found.state, found.innovation, ahead @ corrected, ahead @ given)
+        return InputReconstruction(
+            float(found.input[0]), found.state, found.innovation, ahead @ corrected, ahead @ given
+        )

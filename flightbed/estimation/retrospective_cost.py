@@ -150,7 +150,7 @@ class RetrospectiveCost:
         self._numbers = np.array(
             [config.regularization, config.forgetting, *config.saturation, config.covariance_bound, 0.0, 0.0]
         )
-        wide, _, _ = kernels.stacked(self._H, self._Z, self._U, *self._shape[:3])
+        wide, _, _ = kernels.stack(self._H, self._Z, self._U, *self._shape[:3])
         rank, eta = int(np.linalg.matrix_rank(wide)), config.regularization
         if (eta == 0.0 and rank < g * m) or (config.regularized_by != "constant" and rank < min(wide.shape)):
             raise ValueError(

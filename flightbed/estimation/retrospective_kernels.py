@@ -42,7 +42,7 @@ def markov(C: Array, As: Array, Bs: Array, found: Array) -> None:
 
 
 @compiled
-def stacked(
+def stack(
     H: Array, Z: Array, U: Array, delays: Indices, retained: Indices, lags: Indices
 ) -> tuple[Array, Array, Array]:
     """Return H~ (s p, g m), Z (s p,) and U-hat~ (g m,) of eqs (17)-(20).
@@ -174,7 +174,7 @@ def take(
     here = np.empty(H.shape[1:])
     markov(C, As, Bs, here)
     push(H, here)
-    wide, performance, applied = stacked(H, Z, U, delays, retained, lags)
+    wide, performance, applied = stack(H, Z, U, delays, retained, lags)
     eta = regularization(rule, numbers[0], performance, numbers[5])
     best = np.empty(applied.size)
     if wide.size == 1:

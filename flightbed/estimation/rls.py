@@ -19,7 +19,7 @@ import numpy as np
 from flightbed.compiling import Array, compiled
 from flightbed.estimation import pitch_model
 from flightbed.estimation.base import OnBoard
-from flightbed.estimation.kernels import Found
+from flightbed.estimation.kernels import TickResult
 from flightbed.signals import Estimate, Measurement
 
 
@@ -46,7 +46,7 @@ class RlsConfig:
 
 
 @compiled
-def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) -> Found:
+def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) -> TickResult:
     """Take the readings of tick k; returns the fields of an Estimate.
 
     Args:

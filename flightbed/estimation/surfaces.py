@@ -100,13 +100,13 @@ def _disturbances(
     slow = max(1.0 / 300.0, 1.0 / (k + 20.0))
     found = np.zeros(z.size)
     for i in range(z.size):
-        told = c[i]
+        predicted = c[i]
         for j in range(z.size):
-            told += A[i, j] * state.last[j]
+            predicted += A[i, j] * state.last[j]
         for j in range(u.size):
-            told += B[i, j] * state.smoothed[j] * u[j]
+            predicted += B[i, j] * state.smoothed[j] * u[j]
         r = settings.R[i, i]
-        state.sums[i] = _LEAK * state.sums[i] + z[i] - told
+        state.sums[i] = _LEAK * state.sums[i] + z[i] - predicted
         seen = min(state.sums[i] ** 2, 4.0 * (state.squares[i] + r))
         state.squares[i] += slow * (seen - state.squares[i])
         found[i] = max(0.0, (1.0 - _LEAK * _LEAK) * (state.squares[i] - 1.6 * r))
@@ -146,7 +146,7 @@ def advance(
         state.x[:], state.V[:, :], state.Px[:, :], state.gamma[:], state.Pg[:, :] = x, V, Px, gamma, Pg
     state.last[:] = z
     L = state.terms.shape[0]
-    told = np.zeros((inputs, 12))
+    rows = np.zeros((inputs, 12))
     compensated = state.x + state.V @ state.gamma
     for i in range(inputs):
         state.terms[k % L, i] = state.gamma[i] ** 2 / state.Pg[i, i]
@@ -158,12 +158,12 @@ def advance(
         raw = 1.0 + state.gamma[i]
         bounded = min(max(raw, low), high)
         state.smoothed[i] = keep * state.smoothed[i] + (1.0 - keep) * bounded
-        told[i, 0], told[i, 1], told[i, 2], told[i, 3] = bounded, sqrt(state.Pg[i, i]), state.smoothed[i], raw
-        told[i, 4], told[i, 5], told[i, 6] = compensated[0] + offset, compensated[1], nis
-        told[i, 8], told[i, 9], told[i, 10], told[i, 11] = innovation[0], innovation[1], sqrt(S[0, 0]), sqrt(S[1, 1])
+        rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = bounded, sqrt(state.Pg[i, i]), state.smoothed[i], raw
+        rows[i, 4], rows[i, 5], rows[i, 6] = compensated[0] + offset, compensated[1], nis
+        rows[i, 8], rows[i, 9], rows[i, 10], rows[i, 11] = innovation[0], innovation[1], sqrt(S[0, 0]), sqrt(S[1, 1])
     for i in range(inputs):
-        told[i, 7] = state.alarms[i]
-    return told
+        rows[i, 7] = state.alarms[i]
+    return rows
 
 
 class _Filter:
@@ -204,9 +204,9 @@ class _Filter:
 
     def take(self, readings: Array, A: Array, B: Array, c: Array, u: Array, offset: float) -> list[Estimate]:
         """Return the estimates of all inputs at the next tick; ``offset`` is added to alpha."""
-        told = advance(self._state, self._settings, A, B, c, u, readings, offset, self._k)
+        rows = advance(self._state, self._settings, A, B, c, u, readings, offset, self._k)
         self._k += 1
-        return [Estimate(*row) for row in told.tolist()]
+        return [Estimate(*row) for row in rows.tolist()]
 
 
 def _parts(model: Array, n: int, inputs: int) -> tuple[Array, Array, Array]:

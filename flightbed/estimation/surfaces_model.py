@@ -50,7 +50,7 @@ def lateral_rates(tables: Array, A: Array, B: Array, alpha: float, beta: float, 
 
 @compiled
 def local_model(
-    schedule: Array, tables: Array, work: Array, believed: float, dt: float, elevator: float,
+    schedule: Array, tables: Array, work: Array, effectiveness: float, dt: float, elevator: float,
     alpha: float, q: float, mach: float, altitude_m: float, theta: float, phi: float, beta: float, p: float, r: float,
 ) -> None:  # fmt: skip
     """Write the model of one period: x+ = A x + B K u + c, x = (alpha, q, beta, p, r), u deflections of elevator, aileron, rudder.
@@ -72,10 +72,10 @@ def local_model(
     A, B = G[:, 0:5], G[:, 5:8]
     G[:, :] = 0.0
     pitch = work[0:2, 0:4]
-    rates(schedule, pitch, alpha, q, believed * elevator, mach, altitude_m, theta, phi)
+    rates(schedule, pitch, alpha, q, effectiveness * elevator, mach, altitude_m, theta, phi)
     for i in range(2):
         A[i, 0], A[i, 1], B[i, 0] = pitch[i, 1], pitch[i, 2], pitch[i, 3]
-        G[i, 8] = pitch[i, 0] - pitch[i, 1] * alpha - pitch[i, 2] * q - pitch[i, 3] * believed * elevator
+        G[i, 8] = pitch[i, 0] - pitch[i, 1] * alpha - pitch[i, 2] * q - pitch[i, 3] * effectiveness * elevator
     lateral_rates(tables, A, B, alpha, beta, mach, altitude_m)
     speed = mach * air(altitude_m)[1]
     G[0, 8] -= (p * cos(alpha) + r * sin(alpha)) * tan(beta)

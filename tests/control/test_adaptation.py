@@ -23,10 +23,10 @@ def test_cautious_correction_has_the_least_mean_square_error() -> None:
     K = mean + std * np.random.default_rng(1).standard_normal(200_000)
     u = np.linspace(0.0, 0.3, 3001)
     best = u[np.argmin([np.mean((K * v - demand) ** 2) for v in u])]
-    assert demand / _adaptation(caution=1.0).believed(mean, std) == pytest.approx(best, rel=0.01)
-    assert _adaptation().believed(mean, std) == mean
-    assert _adaptation(caution=3.0).believed(mean, 5.0) == 1.0  # never less than the healthy law would do
-    assert _adaptation(caution=1.0).believed(0.01, 0.0) == 0.08
+    assert demand / _adaptation(caution=1.0).effectiveness_used(mean, std) == pytest.approx(best, rel=0.01)
+    assert _adaptation().effectiveness_used(mean, std) == mean
+    assert _adaptation(caution=3.0).effectiveness_used(mean, 5.0) == 1.0  # never less than the healthy law would do
+    assert _adaptation(caution=1.0).effectiveness_used(0.01, 0.0) == 0.08
 
 
 def test_the_reference_is_cut_to_what_is_left() -> None:

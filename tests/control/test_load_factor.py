@@ -25,7 +25,7 @@ from flightbed.control.load_factor import (
     increment_g,
     second_order,
 )
-from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, settled
+from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, rest_state
 from flightbed.control.nz_scheduled import NzScheduled
 from flightbed.errors import DesignError
 from flightbed.estimation.plid import PlidConfig, Tracking
@@ -159,7 +159,7 @@ def test_the_scheduled_law_stays_between_the_stops_and_holds_its_integral() -> N
 def _adaptive(**changed: object) -> NzAdaptive:
     settings = {"kept": 0.0, "filtered": 0.0} | changed
     tracking = Tracking(block_fade=1.001)
-    plid = PlidConfig(2, process_var=1e-12, output_var=0.0, prior=settled(THESIS_PRIOR, 0.0), tracking=tracking)
+    plid = PlidConfig(2, process_var=1e-12, output_var=0.0, prior=rest_state(THESIS_PRIOR, 0.0), tracking=tracking)
     poles = tuple(complex(np.exp(p / 100)) for p in POLES)
     placed = AckermannConfig(poles, FIRST_GAINS, SIGNS, kept=float(settings["kept"]))  # type: ignore[arg-type]
     config = NzAdaptiveConfig(plid, FACTORED, placed, float(settings["filtered"]))  # type: ignore[arg-type]

@@ -45,7 +45,7 @@ def test_nothing_is_designed_before_an_alarm_and_small_changes_are_let_pass(desi
         (_estimate(0.44, 1.0), 0.44),
         (_estimate(0.01, 2.0), 0.08),
     ):
-        redesign.consider([estimate])
+        redesign.update([estimate])
         assert law.effectiveness == K
     assert law.gains == pitch_lq(design, WEIGHTS, control_hz=100, effectiveness=0.08)
 

@@ -12,12 +12,12 @@ from scipy.stats import binom, chi2, norm
 
 from flightbed.estimation import following_kernels as kernels
 from flightbed.estimation.following import FollowingConfig, begin, packed
-from flightbed.estimation.following_kernels import STAGGERED, Following, Told, follow, reopen, solved
+from flightbed.estimation.following_kernels import STAGGERED, Following, FollowingEstimate, follow, restart, solved
 from flightbed.estimation.input_model import InputModel
 from flightbed.estimation.reconstruction_methods import (
-    ByRandomWalk,
-    ByRetrospectiveCost,
     Method,
+    RandomWalkMethod,
+    RetrospectiveCostMethod,
     RetrospectiveSettings,
     WalkSettings,
 )
@@ -31,8 +31,8 @@ METHODS = ("walk", "retrospective")
 
 def _method(name: str) -> Method:
     if name == "walk":
-        return ByRandomWalk(WalkSettings(), Q)
-    return ByRetrospectiveCost(RetrospectiveSettings().config(DEG))
+        return RandomWalkMethod(WalkSettings(), Q)
+    return RetrospectiveCostMethod(RetrospectiveSettings().config(DEG))
 
 
 def _model(design: ShortPeriod) -> InputModel:
@@ -62,10 +62,10 @@ def _readings(model: InputModel, acting: np.ndarray, rng: np.random.Generator | 
     return np.array(ys)
 
 
-def _told(
+def _estimates(
     name: str, model: InputModel, ys: np.ndarray, deflection: np.ndarray, config: FollowingConfig, *,
     commanded: np.ndarray | None = None, position_std_deg: float = 0.0,
-) -> Iterator[tuple[float, Told, Following]]:  # fmt: skip
+) -> Iterator[tuple[float, FollowingEstimate, Following]]:  # fmt: skip
     """Yield the reconstruction, what is told of it and what is carried along, tick by tick; deflections are of the period that begins."""
     method, settings = _method(name), packed(config, position_std_deg * DEG)
     memory = begin(method.states, config)
@@ -74,10 +74,10 @@ def _told(
             method.begin(model, y)
         found = method.take(model, y)
         asked = nan if commanded is None else commanded[max(k - 1, 0)]
-        told = follow(
+        estimate = follow(
             *memory, settings, found.F, found.G, Q, model.B[:, 0], found.innovation, found.input, deflection[max(k - 1, 0)], asked
         )  # fmt: skip
-        yield found.input, told, memory
+        yield found.input, estimate, memory
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -89,7 +89,7 @@ def test_without_noise_k_and_offset_are_exact_however_late_the_reconstruction_is
     acting = 0.37 * deflection + 0.8
     late, checked = 0.0, 0
     for k, (u, _, memory) in enumerate(
-        _told(name, model, _readings(model, acting, None), deflection, FollowingConfig())
+        _estimates(name, model, _readings(model, acting, None), deflection, FollowingConfig())
     ):
         late = max(late, abs(u - acting[k - 1])) if k > 200 else late
         for m in range(1 + STAGGERED):
@@ -107,7 +107,7 @@ def _standardized(name: str, design: ShortPeriod, rng: np.random.Generator, runs
     acting, z = 0.6 * deflection + 0.5, []
     config = FollowingConfig(forgetting=0.99, window=45)
     for _ in range(runs):
-        *_, (_, _, memory) = _told(name, model, _readings(model, acting, rng), deflection, config)
+        *_, (_, _, memory) = _estimates(name, model, _readings(model, acting, rng), deflection, config)
         K, o, var_K, var_o, _ = solved(memory.sums[0], memory.spread[0])
         z.append([(K - 0.6) / np.sqrt(var_K), (o - 0.5) / np.sqrt(var_o)])
     return np.array(z)
@@ -130,7 +130,10 @@ def test_those_of_the_retrospective_cost_are_too_small(design: ShortPeriod, rng:
 def test_nis_is_chi_square_where_k_is_known(design: ShortPeriod, rng: np.random.Generator) -> None:
     model, deflection = _model(design), _moving(4000)
     config = FollowingConfig(forgetting=1.0, prior_effectiveness=0.6, prior_effectiveness_std=1e-6)
-    nis = [told.nis for _, told, _ in _told("walk", model, _readings(model, 0.6 * deflection, rng), deflection, config)]
+    nis = [
+        estimate.nis
+        for _, estimate, _ in _estimates("walk", model, _readings(model, 0.6 * deflection, rng), deflection, config)
+    ]
     # Innovations of a filter that is not optimal for a known input are correlated over its memory, some 15 ticks.
     assert np.mean(nis[100:]) == pytest.approx(2.0, abs=4.0 * np.sqrt(4.0 / (3900 / 15)))
 
@@ -142,7 +145,9 @@ def test_the_noise_of_the_position_feedback_is_in_the_variance(design: ShortPeri
     for _ in range(runs):
         read, ys = acting + 0.5 * rng.standard_normal(acting.size), _readings(model, acting, rng)
         for std in z:
-            *_, (_, _, memory) = _told("walk", model, ys, read, FollowingConfig(forgetting=1.0), position_std_deg=std)
+            *_, (_, _, memory) = _estimates(
+                "walk", model, ys, read, FollowingConfig(forgetting=1.0), position_std_deg=std
+            )
             K, _, var, _, _ = solved(memory.sums[0], memory.spread[0])
             z[std].append((K - 1.0) / np.sqrt(var))
     assert np.mean(np.square(z[0.0])) > 2.0
@@ -156,9 +161,9 @@ def test_false_alarms_come_at_the_rate_that_is_asked_for(design: ShortPeriod, rn
     model, deflection = _model(design), _moving(70_000)
     ys, last = _readings(model, 0.8 * deflection, rng), 0.0
     windows = beyond = twice = 0
-    for k, (_, _, memory) in enumerate(_told("walk", model, ys, deflection, config)):
+    for k, (_, _, memory) in enumerate(_estimates("walk", model, ys, deflection, config)):
         if k > 0 and memory.ages[1] == 0.0:  # closed now
-            said, windows = memory.said[1], windows + 1
+            said, windows = memory.offset_signs[1], windows + 1
             beyond += said != 0.0
             twice += said != 0.0 and said == last
             last = said
@@ -173,8 +178,8 @@ def test_false_alarms_come_at_the_rate_that_is_asked_for(design: ShortPeriod, rn
     ("acting", "verdict"),
     [
         (lambda d: 0.4 * d, kernels.EXPLAINED),
-        (lambda d: d + 1.0, kernels.BESIDE),
-        (lambda d: np.full_like(d, 1.5), kernels.BESIDE),
+        (lambda d: d + 1.0, kernels.OFFSET),
+        (lambda d: np.full_like(d, 1.5), kernels.OFFSET),
     ],
     ids=["weak", "biased", "came off"],
 )
@@ -184,10 +189,10 @@ def test_what_no_effectiveness_explains_is_told(
     model, deflection = _model(design), _moving(500)
     assert callable(acting)
     now = np.where(np.arange(500) < 200, deflection, acting(deflection))
-    told = [t for _, t, _ in _told(name, model, _readings(model, now, rng), deflection, FollowingConfig())]
-    assert all(t.verdict == kernels.EXPLAINED for t in told[:200])
-    assert told[-1].verdict == verdict
-    assert told[-1].alarms == (verdict != kernels.EXPLAINED)
+    estimates = [t for _, t, _ in _estimates(name, model, _readings(model, now, rng), deflection, FollowingConfig())]
+    assert all(t.verdict == kernels.EXPLAINED for t in estimates[:200])
+    assert estimates[-1].verdict == verdict
+    assert estimates[-1].alarms == (verdict != kernels.EXPLAINED)
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -199,11 +204,11 @@ def test_a_surface_that_follows_its_position_but_no_command_is_told(
     model, commanded = _model(design), _moving(500)
     position = np.where(np.arange(500) < 200, commanded, commanded[200] if stuck_deg is None else stuck_deg)
     ys = _readings(model, position, rng)
-    told = [t for _, t, _ in _told(name, model, ys, position, FollowingConfig(), commanded=commanded)]
-    assert told[199].verdict == kernels.EXPLAINED
-    assert (told[-1].verdict, told[-1].alarms) == (kernels.ACTUATOR, 1.0)
-    again = [t for _, t, _ in _told(name, model, ys, position, FollowingConfig())]  # nobody told the command
-    assert again[-1].verdict != kernels.ACTUATOR
+    estimates = [t for _, t, _ in _estimates(name, model, ys, position, FollowingConfig(), commanded=commanded)]
+    assert estimates[199].verdict == kernels.EXPLAINED
+    assert (estimates[-1].verdict, estimates[-1].alarms) == (kernels.ACTUATOR, 1.0)
+    uncommanded = [t for _, t, _ in _estimates(name, model, ys, position, FollowingConfig())]  # no command was given
+    assert uncommanded[-1].verdict != kernels.ACTUATOR
 
 
 def test_the_position_is_held_against_the_commands_at_the_rate_that_is_asked_for(
@@ -215,10 +220,10 @@ def test_the_position_is_held_against_the_commands_at_the_rate_that_is_asked_for
     read = commanded + 0.2 * rng.standard_normal(ticks)
     ys, last = _readings(model, commanded, rng), 0.0
     windows = beyond = twice = 0
-    told = _told("walk", model, ys, read, config, commanded=commanded, position_std_deg=0.2)
-    for k, (_, _, memory) in enumerate(told):
+    estimates = _estimates("walk", model, ys, read, config, commanded=commanded, position_std_deg=0.2)
+    for k, (_, _, memory) in enumerate(estimates):
         if k > 0 and memory.ages[1 + STAGGERED] == 0.0:
-            said, windows = memory.said[1 + STAGGERED], windows + 1
+            said, windows = memory.offset_signs[1 + STAGGERED], windows + 1
             beyond += said != 0.0
             twice += said != 0.0 and said == last
             last = said
@@ -232,8 +237,14 @@ def test_a_verdict_is_taken_back_when_it_holds_no_longer(design: ShortPeriod, rn
     model, deflection = _model(design), _moving(900)
     k = np.arange(900)
     acting = deflection + np.where((k >= 200) & (k < 500), 1.0, 0.0)
-    told = [t for _, t, _ in _told("walk", model, _readings(model, acting, rng), deflection, FollowingConfig())]
-    assert (told[490].verdict, told[-1].verdict, told[-1].alarms) == (kernels.BESIDE, kernels.EXPLAINED, 1.0)
+    estimates = [
+        t for _, t, _ in _estimates("walk", model, _readings(model, acting, rng), deflection, FollowingConfig())
+    ]
+    assert (estimates[490].verdict, estimates[-1].verdict, estimates[-1].alarms) == (
+        kernels.OFFSET,
+        kernels.EXPLAINED,
+        1.0,
+    )
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -248,7 +259,7 @@ def test_what_begins_anew_is_exact_from_then_on_and_knows_its_k(design: ShortPer
         if k in (0, 150):
             method.begin(model, y)
         if k == 150:
-            reopen(memory, 45)
+            restart(memory, 45)
             np.testing.assert_array_equal(memory.ages[1:], [0.0, -15.0, -30.0] * 2)
             assert not memory.sums[1:].any()
             assert memory.sums[0].any()

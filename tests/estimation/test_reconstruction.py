@@ -15,7 +15,7 @@ from flightbed.consistency import idle_keys
 from flightbed.errors import ScenarioError
 from flightbed.estimation.actuator import ActuatorOnBoard
 from flightbed.estimation.base import OnBoard
-from flightbed.estimation.following_kernels import ACTUATOR, BESIDE, STAGGERED
+from flightbed.estimation.following_kernels import ACTUATOR, OFFSET, STAGGERED
 from flightbed.estimation.reconstruction import ElevatorReconstruction, ReconstructionConfig
 from flightbed.estimation.reconstruction_methods import WalkSettings
 from flightbed.fused import rows_of
@@ -98,17 +98,17 @@ def test_neither_position_nor_command_nor_k_enter_the_reconstruction(name: str) 
     ("scenario", "verdict", "within_s", "error_deg"),
     [
         ("elevator-stuck", ACTUATOR, (1.5, 1.5), (0.4, 0.2)),
-        ("elevator-floating", BESIDE, (1.5, 0.6), (1.5, 1.0)),  # on its way out, at 90 deg/s
-        ("elevator-bias", BESIDE, (2.5, 2.5), (0.5, 0.4)),
+        ("elevator-floating", OFFSET, (1.5, 0.6), (1.5, 1.0)),  # on its way out, at 90 deg/s
+        ("elevator-bias", OFFSET, (2.5, 2.5), (0.5, 0.4)),
     ],
 )
 def test_what_no_k_explains_is_recognised(
     scenario: str, verdict: float, within_s: tuple[float, float], error_deg: tuple[float, float], name: str
 ) -> None:
     trace = _flown(scenario)
-    at_s, said = _first(trace, name)
+    at_s, offset_signs = _first(trace, name)
     assert 5.2 < at_s <= 5.2 + within_s[NAMES.index(name)]
-    assert said == verdict
+    assert offset_signs == verdict
     after = trace["t_s"] > at_s
     allowed, acts = error_deg[NAMES.index(name)], trace["elevator_acting_deg"]
     assert np.sqrt(np.mean(_error(trace, name)[after] ** 2)) < allowed
@@ -123,9 +123,9 @@ def test_what_no_k_explains_is_recognised(
 @pytest.mark.parametrize("name", NAMES)
 def test_a_hardover_is_recognised_before_the_aircraft_is_lost(name: str) -> None:
     trace = _flown("elevator-hardover", "duration_s=7")
-    at_s, said = _first(trace, name)
+    at_s, offset_signs = _first(trace, name)
     assert 5.2 < at_s < trace["t_s"][-1] < 6.2
-    assert said == ACTUATOR
+    assert offset_signs == ACTUATOR
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_in_a_closed_loop_the_threshold_alone_does_not_hold(name: str, command: 
             estimator.update(measurement)
             closed = estimator._memory.ages[1 : 1 + STAGGERED] == 0.0
             windows += int(closed.sum())
-            above += int(np.sum(estimator._memory.said[1 : 1 + STAGGERED][closed] > 0.0))
+            above += int(np.sum(estimator._memory.offset_signs[1 : 1 + STAGGERED][closed] > 0.0))
     assert windows == 550
     assert above > least * windows
 
@@ -356,10 +356,15 @@ def test_every_key_of_the_method_does_something() -> None:
 
     def final(table: str, *more: str) -> tuple[float, ...]:
         scenario = load_scenario("elevator-loss", ["adaptation.enabled=false", table, *more])
-        estimator, said = assemble(plan(scenario)).estimators[0], []
+        estimator, offset_signs = assemble(plan(scenario)).estimators[0], []
         for measurement, _ in readings:
-            said.append(estimator.update(measurement))
-        return (*said[-1][:4], said[300].reconstructed_rad, said[-1].offset_rad, sum(e.verdict for e in said))
+            offset_signs.append(estimator.update(measurement))
+        return (
+            *offset_signs[-1][:4],
+            offset_signs[300].reconstructed_rad,
+            offset_signs[-1].offset_rad,
+            sum(e.verdict for e in offset_signs),
+        )
 
     for table, sets in {
         ONE: ("order=2", "horizon=3", "regularization=3", "initial_covariance=0.1", "input_forgetting=0.99", "saturation_deg=2", "window=60",

@@ -218,7 +218,7 @@ def test_gains_that_were_kept_are_what_loses_the_loop() -> None:
         if adaptive.lost_at(run, 2) == "start":
             lost += 1
             A, b = np.zeros((3, 3)), np.zeros(3)
-            adaptive.augmented(plants.parameters("F"), A, b)
+            adaptive.augment(plants.parameters("F"), A, b)
             assert np.all(run.gains[-4:] == run.gains[-1])
             assert np.max(np.abs(np.linalg.eigvals(A - np.outer(b, run.gains[-1])))) > 1.0
     assert lost >= 3
