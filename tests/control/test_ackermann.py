@@ -145,7 +145,7 @@ def test_a_start_without_a_bump() -> None:
         ({"poles": (0.5, 0.5), "first": (0.0,)}, "one value for each of the 2 poles"),
         ({"poles": (0.5, 0.5), "first": (0.0, -1.0), "signs": (0,)}, "one value for each of the 2 poles"),
         ({"poles": (0.5, 0.5), "first": (0.0, -1.0), "signs": (0, 2)}, "signs must be -1, 0 or"),
-        ({"poles": (0.5, 0.5), "first": (0.0, 1.0), "signs": (0, -1)}, "do not have the signs"),
+        ({"poles": (0.5, 0.5), "first": (0.0, 1.0), "signs": (0, -1)}, "must have the required signs"),
         ({"poles": (0.5 + 0.1j, 0.5), "first": (0.0, -1.0)}, "conjugate pairs"),
         ({"poles": (0.5, 0.5), "first": (0.0, -1.0), "smallest_controllability": 0.0}, "above 0"),
         ({"poles": (0.5, 0.5), "first": (0.0, -1.0), "patience": -1}, "must not be negative"),
