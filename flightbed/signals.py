@@ -17,7 +17,7 @@ class Fault(NamedTuple):
 
     Attributes:
         stuck: the actuator stays at its position.
-        driven_to_rad: the actuator runs to this position or to the stop before it, whatever the command; nan: it follows the command.
+        hardover_rad: the actuator runs to this position or to the stop before it, whatever the command; nan: it follows the command.
         floats: the surface is detached from its actuator and floats in the airstream; the position feedback is at the actuator and
             does not show this.
         bias_rad: deflection that acts in addition to the actuator's position; absent from the position feedback.

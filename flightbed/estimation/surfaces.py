@@ -1,4 +1,4 @@
-"""The two-stage filter on the aircraft: effectiveness of the elevator, or of elevator, aileron and rudder together (Wu and others 2000)."""
+"""The two-stage filter on the aircraft: effectiveness of the elevator, or of elevator, aileron and rudder (Wu and others 2000)."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class SurfacesConfig:
     """Settings of the two-stage filter on the aircraft. SI, radians.
 
     Attributes:
-        forgetting: of gamma, as ``two_stage`` has it.
-        walk_std: standard deviation of the step that gamma may make in a tick, sqrt of Q_gamma in W eq (6).
+        forgetting: forgetting of gamma, see ``two_stage``.
+        walk_std: standard deviation of the step of gamma per tick, square root of Q_gamma in W eq (6).
         test_window: L of W eq (33), ticks.
-        false_alarm: probability with which the test is to raise an alarm at a tick, by the chi-square law; see ``bias_test`` how far that
-            law holds.
+        false_alarm: nominal probability of an alarm of the test at a tick, by the chi-square law; ``bias_test`` states the limits of
+            this law.
         smoothing, bounds: as in LoopGainConfig.
         prior_std: standard deviation of gamma at the start.
-        follow_disturbances: raise the process noise to what the readings show.
-        scheduled: pitch axis on the schedule, else on the short period; flights with aileron and rudder are on tables always.
-        disturbances: standard deviations of what the model does not tell, white, each held for a tick: rates of alpha (rad/s), q (rad/s^2),
-            beta, p, r.
+        follow_disturbances: increase the process noise to the level shown by the readings.
+        scheduled: pitch axis from the schedule, otherwise from the short period; with aileron and rudder commanded, always from tables.
+        disturbances: standard deviations of unmodelled rates, white, each held for a tick: of alpha (rad/s), q (rad/s^2), beta (rad/s),
+            p and r (rad/s^2).
 
     """
 
@@ -50,13 +50,13 @@ class SurfacesConfig:
 
 
 class _State(NamedTuple):
-    """What a filter of n states and l inputs remembers; all arrays, changed in place.
+    """State of a filter of n states and l inputs; all arrays, changed in place.
 
     Attributes:
-        x, V, Px, gamma, Pg: of the two stages, (n,), (n, l), (n, n), (l,), (l, l).
+        x, V, Px, gamma, Pg: the two stages, (n,), (n, l), (n, n), (l,), (l, l).
         sums, squares, last: leaky sums of residuals, their mean squares, last readings, (n,) each.
-        smoothed, raised, alarms: K-hat smoothed, whether the test is above its threshold, alarms so far, (l,) each.
-        terms: (L, l), what the test averages.
+        smoothed, raised, alarms: smoothed K-hat, whether the test is above its threshold, number of alarms, (l,) each.
+        terms: (L, l), terms of the test's mean.
 
     """
 
@@ -75,7 +75,7 @@ class _State(NamedTuple):
 
 
 class _Settings(NamedTuple):
-    """What it believes: covariances (n, n), (l, l), (n, n); forgetting; (threshold, smoothing, low, high, follows disturbances)."""
+    """Settings of a filter: covariances (n, n), (l, l), (n, n); forgetting; (threshold, smoothing, low, high, follows disturbances)."""
 
     Q: Array
     Q_gamma: Array
@@ -91,11 +91,12 @@ _LEAK = 1.0 - 1.0 / 15.0
 def _disturbances(
     state: _State, settings: _Settings, A: Array, B: Array, c: Array, u: Array, z: Array, k: int
 ) -> Array:
-    """Return what the readings show of disturbances, variances (n,) to add to Q, so that sigma and test hold in rough air too.
+    """Return the variances of disturbances estimated from the readings, (n,), to add to Q, so that sigma and test are valid in rough air.
 
-    The residual of one step from reading to reading, e = z - (A z_last + B K u + c), sums up the disturbances; in a leaky sum over some
-    15 ticks the sensors' noise, which enters as differences, all but cancels, and gusts that last add up. Its mean square over the last
-    seconds, less what the sensors explain, is the white noise that would do the same. As ``kernels.disturbance``, for n states.
+    The residual of one step between readings, e = z - (A z_last + B K u + c), contains the disturbances; in a leaky sum over about 15
+    ticks the sensor noise, which enters as differences, nearly cancels, and lasting gusts accumulate. The mean square of this sum over
+    the last seconds, minus the share of the sensors, gives the variance of the equivalent white noise. As ``kernels.disturbance``, for n
+    states.
     """
     slow = max(1.0 / 300.0, 1.0 / (k + 20.0))
     found = np.zeros(z.size)
@@ -117,15 +118,15 @@ def _disturbances(
 def advance(
     state: _State, settings: _Settings, A: Array, B: Array, c: Array, u: Array, z: Array, offset: float, k: int
 ) -> Array:
-    """Take the readings of tick k; returns (l, 12), a row of the fields of an Estimate for every input.
+    """Take the readings of tick k; return (l, 12), one row per input with the fields of an Estimate.
 
     Args:
-        state, settings: of the filter.
+        state, settings: state, updated, and settings of the filter.
         A, B, c: model of the period that ends now, (n, n), (n, l), (n,).
-        u: (l,) mean deflections over it.
+        u: (l,) mean deflections over this period.
         z: (n,) readings of all states.
-        offset: what is added to the first state where it is returned.
-        k: number of the tick; 0 starts all anew.
+        offset: added to the returned first state.
+        k: number of the tick; 0 resets the filter.
 
     """
     n, inputs = z.size, u.size
@@ -153,7 +154,7 @@ def advance(
         above = 1.0 if np.mean(state.terms[:, i]) > threshold else 0.0
         if above > state.raised[i]:
             state.alarms[i] += 1.0
-            state.sums[:] = 0.0  # what they hold is the change of K, not the air
+            state.sums[:] = 0.0  # the sums contain the change of K, not disturbances
         state.raised[i] = above
         raw = 1.0 + state.gamma[i]
         bounded = min(max(raw, low), high)
@@ -167,14 +168,14 @@ def advance(
 
 
 class _Filter:
-    """Filter, test and smoother of some inputs; the first two states are alpha and q."""
+    """Filter, test and smoother for l inputs; the first two states are alpha and q."""
 
     def __init__(self, config: SurfacesConfig, noise: Array, b: Array, dt: float) -> None:
         n, inputs = len(noise), b.shape[1]
         disturbed = np.array(config.disturbances[:n]) * dt
         R = np.diag(noise**2)
         threshold = chi_square_threshold(config.test_window, config.false_alarm)
-        # An error of a measured deflection moves the prediction by at most b (K = 1): taken as process noise.
+        # An error of a measured deflection changes the prediction by at most b (K = 1); it is treated as process noise.
         self._settings = _Settings(
             Q=np.diag(disturbed**2) + b @ b.T,
             Q_gamma=config.walk_std**2 * np.eye(inputs),
@@ -184,7 +185,7 @@ class _Filter:
         )
         self._state = self._fresh(n, inputs, config)
         self._k = 0
-        # Compile, or load what was compiled, now and not in flight.
+        # Compile, or load from the cache, before the flight.
         trial, still = self._fresh(n, inputs, config), np.zeros(n)
         for k in (0, 1):
             advance(trial, self._settings, np.eye(n), np.zeros((n, inputs)), still, np.zeros(inputs), still, 0.0, k)
@@ -220,10 +221,10 @@ class TwoStagePitch:
 
     Args:
         config: settings.
-        onboard: what is known of aircraft and sensors.
+        onboard: on-board knowledge of aircraft and sensors.
 
     Raises:
-        ValueError: a schedule is asked for, and there is none on board.
+        ValueError: the model is the schedule, but none is on board.
 
     """
 
@@ -266,10 +267,10 @@ class TwoStageSurfaces:
 
     Args:
         config: settings.
-        onboard: what is known of aircraft and sensors.
+        onboard: on-board knowledge of aircraft and sensors.
 
     Raises:
-        ValueError: there is no schedule or no model of roll and yaw on board.
+        ValueError: the schedule or the model of roll and yaw is not on board.
 
     """
 

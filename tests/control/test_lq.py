@@ -85,7 +85,7 @@ def test_what_has_no_law_is_refused() -> None:
         lq_gain(A, B, one, np.diag([1.0, 0.0]))
     with pytest.raises(DesignError, match=r"must not be negative \(got \[-0.1, 1.0\]\)"):
         redesign(A, B, one, one, np.array([-0.1, 1.0]))
-    with pytest.raises(DesignError, match="no weight offsets the loss"):
+    with pytest.raises(DesignError, match="no weight offsets the total loss"):
         offset_weights(one, np.array([0.0, 1.0]))
     with pytest.raises(ValueError, match=r"fade: must be in \[0, 1\)"):
         regulator(A, B, one, one, fade=1.0)

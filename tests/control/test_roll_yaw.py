@@ -77,7 +77,7 @@ def test_effective_feedback_makes_the_loop_healthy_whatever_is_left(
         x, rows = np.array([0.02, 0.1, -0.05, 0.0, 0.0]), []
         for k in range(300):
             rows.append(np.concatenate([x[:3], x[3:] * left]))
-            believed = [c.believed(share) for c, share in zip(corrections, left, strict=True)]
+            believed = [c.effectiveness_used(share) for c, share in zip(corrections, left, strict=True)]
             fed = [c.position_feedback(p, K) for c, p, K in zip(corrections, x[3:], believed, strict=True)]
             demand = law.demand(
                 LateralMeasurement(*x[:3], *x[3:], *x[3:]),
@@ -98,5 +98,5 @@ def test_surfaces_that_do_not_do_different_things_are_refused(turning: LateralDi
     model = LateralDirectional(
         turning.A, same, turning.gravity, turning.alpha_trim_rad, turning.actuators_rad_s, turning.tables
     )
-    with pytest.raises(DesignError, match="do not set roll rate and sideslip independently"):
+    with pytest.raises(DesignError, match="do not control roll rate and sideslip independently"):
         RollYaw(model, WEIGHTS, control_hz=HZ)
