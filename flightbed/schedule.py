@@ -58,11 +58,6 @@ class Schedule:
     per_newton: Array
     span_m: Array
 
-    @property
-    def nbytes(self) -> int:
-        """Memory of the tables, bytes."""
-        return self.coefficients.nbytes + self.thrust_n.nbytes
-
     def packed(self) -> Array:
         """Return all tables as one array, in the layout of ``estimation.pitch_model``."""
         parts = (self.mach, self.alpha_rad, self.elevator_rad, self.altitude_m)

@@ -107,7 +107,7 @@ class IntegralPlacement:
         self._poles = np.array(config.poles, dtype=np.complex128)
         self._signs = np.array(config.signs or (0,) * size, dtype=np.float64)
         self._gains = np.array(config.first, dtype=np.float64)
-        self.integral, self.rejected = 0.0, 0
+        self.integral = 0.0
         self._rejected_in_a_row, self._designed = 0, False
 
     @property
@@ -125,7 +125,6 @@ class IntegralPlacement:
         kept, least = self.config.kept if self._designed else 0.0, self.config.smallest_controllability
         taken = bool(_design(theta, self._poles, self._signs, least, kept, self._gains))
         self._designed |= taken
-        self.rejected += not taken
         self._rejected_in_a_row = 0 if taken else self._rejected_in_a_row + 1
         if self._rejected_in_a_row == self.config.patience > 0:
             self._gains[:] = self.config.first

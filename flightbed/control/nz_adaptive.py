@@ -74,16 +74,6 @@ class NzAdaptive:
         a_0, a_1, b_0, b_1 = self._plid.parameters.tolist()
         return a_0, a_1, b_0, b_1
 
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """Gains of the two states and of the integral, rad/g each."""
-        return tuple(self._placement.gains.tolist())
-
-    @property
-    def rejected(self) -> int:
-        """Number of models whose gains were rejected."""
-        return self._placement.rejected
-
     def demand(self, measurement: Measurement, *, increment_ref_g: float, hold: bool) -> float:  # noqa: ARG002
         """Return the demanded effective deflection, rad. ``hold`` is not used: the law applies the stops itself."""
         y = -increment_g(measurement)

@@ -239,11 +239,6 @@ class Plid:
             self._stored = self._start()
 
     @property
-    def extended_state(self) -> Array:
-        """Extended state (x, a, b[, b_n]), (N,)."""
-        return self._s.astype(np.float64)
-
-    @property
     def state(self) -> Array:
         """State x, (n,); the last component is the filtered output (without feedthrough)."""
         return self._s[: self.config.order].astype(np.float64)

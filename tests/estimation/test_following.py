@@ -1,4 +1,4 @@
-"""Regression of a reconstruction on the measured deflection: exact without noise, its variance that of the noise, its test at its rate."""
+"""Regression of a reconstruction on the measured deflection: exact without noise, correct variance, false alarms at the nominal rate."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ def _model(design: ShortPeriod) -> InputModel:
 
 
 def _moving(ticks: int) -> np.ndarray:
-    """A deflection, deg, that excites."""
+    """An exciting deflection, deg."""
     t = np.arange(ticks) * 0.01
     return -2.0 + 1.5 * np.sin(5.0 * t) + np.sin(11.0 * t + 1.0)
 
 
 def _readings(model: InputModel, acting: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
-    """What the sensors say, (T, 2), of an aircraft that is the model; with their noise and the process's if there is a generator."""
+    """Readings, (T, 2), of an aircraft that equals the model; with sensor and process noise if a generator is given."""
     x, ys = np.array([20.0, 0.0]), []
     for k in range(acting.size):
         ys.append(x + (0.0 if rng is None else rng.standard_normal(2)))
@@ -66,16 +66,16 @@ def _estimates(
     name: str, model: InputModel, ys: np.ndarray, deflection: np.ndarray, config: FollowingConfig, *,
     commanded: np.ndarray | None = None, position_std_deg: float = 0.0,
 ) -> Iterator[tuple[float, FollowingEstimate, Following]]:  # fmt: skip
-    """Yield the reconstruction, what is told of it and what is carried along, tick by tick; deflections are of the period that begins."""
+    """Yield reconstruction, estimate and memory at every tick; the deflections are those of the period that starts there."""
     method, settings = _method(name), packed(config, position_std_deg * DEG)
     memory = begin(method.states, config)
     for k, y in enumerate(ys):
         if k == 0:
             method.begin(model, y)
         found = method.take(model, y)
-        asked = nan if commanded is None else commanded[max(k - 1, 0)]
+        command = nan if commanded is None else commanded[max(k - 1, 0)]
         estimate = follow(
-            *memory, settings, found.F, found.G, Q, model.B[:, 0], found.innovation, found.input, deflection[max(k - 1, 0)], asked
+            *memory, settings, found.F, found.G, Q, model.B[:, 0], found.innovation, found.input, deflection[max(k - 1, 0)], command
         )  # fmt: skip
         yield found.input, estimate, memory
 
@@ -84,7 +84,7 @@ def _estimates(
 def test_without_noise_k_and_offset_are_exact_however_late_the_reconstruction_is(
     design: ShortPeriod, name: str
 ) -> None:
-    """u^ = K d^ + o 1^ holds to round-off while u^ itself is far from what acts: its lag is in d^ and 1^ too."""
+    """u^ = K d^ + o 1^ holds to round-off although u^ lags the acting deflection: d^ and 1^ have the same lag."""
     model, deflection = _model(design), _moving(400)
     acting = 0.37 * deflection + 0.8
     late, checked = 0.0, 0
@@ -102,7 +102,7 @@ def test_without_noise_k_and_offset_are_exact_however_late_the_reconstruction_is
 
 
 def _standardized(name: str, design: ShortPeriod, rng: np.random.Generator, runs: int) -> np.ndarray:
-    """Errors of K and o over their standard deviations, (runs, 2), of the exact model and a deflection given beforehand."""
+    """Errors of K and o over their standard deviations, (runs, 2), with the exact model and a prescribed deflection."""
     model, deflection = _model(design), _moving(90)
     acting, z = 0.6 * deflection + 0.5, []
     config = FollowingConfig(forgetting=0.99, window=45)
@@ -114,14 +114,14 @@ def _standardized(name: str, design: ShortPeriod, rng: np.random.Generator, runs
 
 
 def test_the_variances_of_k_and_offset_are_those_of_the_noise(design: ShortPeriod, rng: np.random.Generator) -> None:
-    """The random walk's filter is linear and its gain known: errors over standard deviations have the variance 1 (300 runs)."""
+    """The random walk's filter is linear with known gain: errors over standard deviations have the variance 1 (300 runs)."""
     squares = np.sum(_standardized("walk", design, rng, 300) ** 2, axis=0)
     low, high = chi2.ppf([0.0005, 0.9995], 300)
     assert np.all((low < squares) & (squares < high)), squares / 300
 
 
 def test_those_of_the_retrospective_cost_are_too_small(design: ShortPeriod, rng: np.random.Generator) -> None:
-    """Its gains come of the same noise, which the covariance takes for given: by less than a half, as the documents say (300 runs)."""
+    """Its gains depend on the noise, but the covariance treats them as given: too small by less than a half, as documented (300 runs)."""
     mean_square = np.mean(_standardized("retrospective", design, rng, 300) ** 2, axis=0)
     assert np.all(mean_square < 1.5 * (1.0 + 3.3 * np.sqrt(2.0 / 300)))
     assert np.mean(mean_square) > 1.0
@@ -139,7 +139,7 @@ def test_nis_is_chi_square_where_k_is_known(design: ShortPeriod, rng: np.random.
 
 
 def test_the_noise_of_the_position_feedback_is_in_the_variance(design: ShortPeriod, rng: np.random.Generator) -> None:
-    """Half a degree of it: without its share the errors would be several standard deviations."""
+    """0.5 deg of noise: without its share the errors would be several standard deviations."""
     model, acting, runs = _model(design), _moving(90), 200
     z: dict[float, list[float]] = {0.0: [], 0.5: []}
     for _ in range(runs):
@@ -155,7 +155,7 @@ def test_the_noise_of_the_position_feedback_is_in_the_variance(design: ShortPeri
 
 
 def test_false_alarms_come_at_the_rate_that_is_asked_for(design: ShortPeriod, rng: np.random.Generator) -> None:
-    """Nothing beside K, no tolerance: a window's o beyond the threshold, and two in a row on the same side, against binomial bounds."""
+    """No offset, no tolerance: rates of a window's o beyond the threshold, and of two agreeing windows, against binomial bounds."""
     config = FollowingConfig(false_alarm=0.02, offset_rad=0.0, follow_disturbances=False)
     assert config.threshold == pytest.approx(norm.isf(0.1))
     model, deflection = _model(design), _moving(70_000)
@@ -163,10 +163,10 @@ def test_false_alarms_come_at_the_rate_that_is_asked_for(design: ShortPeriod, rn
     windows = beyond = twice = 0
     for k, (_, _, memory) in enumerate(_estimates("walk", model, ys, deflection, config)):
         if k > 0 and memory.ages[1] == 0.0:  # closed now
-            said, windows = memory.offset_signs[1], windows + 1
-            beyond += said != 0.0
-            twice += said != 0.0 and said == last
-            last = said
+            sign, windows = memory.offset_signs[1], windows + 1
+            beyond += sign != 0.0
+            twice += sign != 0.0 and sign == last
+            last = sign
     assert windows == 70_000 // 45
     for found, rate in ((beyond, 0.2), (twice, 0.02)):
         low, high = binom.ppf([0.0005, 0.9995], windows, rate)
@@ -183,7 +183,7 @@ def test_false_alarms_come_at_the_rate_that_is_asked_for(design: ShortPeriod, rn
     ],
     ids=["weak", "biased", "came off"],
 )
-def test_what_no_effectiveness_explains_is_told(
+def test_a_deviation_that_no_effectiveness_explains_is_declared(
     design: ShortPeriod, rng: np.random.Generator, name: str, acting: object, verdict: float
 ) -> None:
     model, deflection = _model(design), _moving(500)
@@ -197,10 +197,10 @@ def test_what_no_effectiveness_explains_is_told(
 
 @pytest.mark.parametrize("name", METHODS)
 @pytest.mark.parametrize("stuck_deg", [None, 0.0, 0.2])
-def test_a_surface_that_follows_its_position_but_no_command_is_told(
+def test_a_surface_that_does_not_follow_its_command_is_declared(
     design: ShortPeriod, rng: np.random.Generator, name: str, stuck_deg: float | None
 ) -> None:
-    """Wherever it is stuck: at zero K = 0 would explain it, of the commands."""
+    """At any stuck position, including zero, where K = 0 would explain the response to the commands."""
     model, commanded = _model(design), _moving(500)
     position = np.where(np.arange(500) < 200, commanded, commanded[200] if stuck_deg is None else stuck_deg)
     ys = _readings(model, position, rng)
@@ -214,7 +214,7 @@ def test_a_surface_that_follows_its_position_but_no_command_is_told(
 def test_the_position_is_held_against_the_commands_at_the_rate_that_is_asked_for(
     design: ShortPeriod, rng: np.random.Generator
 ) -> None:
-    """Noise of the position feedback alone, no tolerance: against binomial bounds, as of the other test."""
+    """Noise of the position feedback alone, no tolerance: rates against binomial bounds, as for the other test."""
     config, ticks = FollowingConfig(false_alarm=0.02, offset_rad=0.0, follow_disturbances=False), 45_000
     model, commanded = _model(design), _moving(ticks)
     read = commanded + 0.2 * rng.standard_normal(ticks)
@@ -223,10 +223,10 @@ def test_the_position_is_held_against_the_commands_at_the_rate_that_is_asked_for
     estimates = _estimates("walk", model, ys, read, config, commanded=commanded, position_std_deg=0.2)
     for k, (_, _, memory) in enumerate(estimates):
         if k > 0 and memory.ages[1 + STAGGERED] == 0.0:
-            said, windows = memory.offset_signs[1 + STAGGERED], windows + 1
-            beyond += said != 0.0
-            twice += said != 0.0 and said == last
-            last = said
+            sign, windows = memory.offset_signs[1 + STAGGERED], windows + 1
+            beyond += sign != 0.0
+            twice += sign != 0.0 and sign == last
+            last = sign
     assert windows == ticks // 45
     for found, rate in ((beyond, 0.2), (twice, 0.02)):
         low, high = binom.ppf([0.0005, 0.9995], windows, rate)
@@ -248,8 +248,8 @@ def test_a_verdict_is_taken_back_when_it_holds_no_longer(design: ShortPeriod, rn
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_what_begins_anew_is_exact_from_then_on_and_knows_its_k(design: ShortPeriod, name: str) -> None:
-    """As without a restart u^ = K d^ + o 1^, at every tick after it; windows open anew, K is not forgotten."""
+def test_a_restart_is_exact_afterwards_and_keeps_k(design: ShortPeriod, name: str) -> None:
+    """u^ = K d^ + o 1^ at every tick after a restart, as without one; the windows start again, K is kept."""
     model, deflection, config = _model(design), _moving(300), FollowingConfig()
     acting = 0.37 * deflection + 0.8
     ys, method, settings = _readings(model, acting, None), _method(name), packed(config, 0.0)

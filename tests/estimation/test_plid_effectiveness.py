@@ -1,4 +1,4 @@
-"""K read out of what PLID identifies: the projection, the transfer function, and flights of the exact linear aircraft."""
+"""K from the model that PLID identifies: projection, transfer function, and flights of the exact linear aircraft."""
 
 from __future__ import annotations
 

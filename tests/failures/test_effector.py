@@ -27,7 +27,7 @@ from flightbed.signals import HEALTHY, NO_FAULT, SURFACES, Fault, Health
 
 @given(at=st.integers(0, 1000), to=st.floats(0, 1), tick=st.integers(0, 2000))
 def test_identity_before_and_constant_after(at: int, to: float, tick: int) -> None:
-    """An ordinary loss takes moment and force alike."""
+    """A loss of effectiveness scales moment and force equally."""
     assert effectiveness_loss(healthy, to=to, at_tick=at)(tick) == (Health(to, to) if tick >= at else HEALTHY)
 
 
@@ -57,7 +57,7 @@ def test_a_second_failure_follows_the_first() -> None:
     ]
 
 
-def test_a_ramp_is_straight_from_what_was_to_what_is_left() -> None:
+def test_a_ramp_is_linear_from_the_previous_share_to_the_remaining_one() -> None:
     half = structural_damage(healthy, to=0.5, force_to=0.9, at_tick=10)
     loss = ramp(half, to=0.1, at_tick=20, ticks=4)
     assert [loss(k) for k in (0, 9, 10, 19)] == [HEALTHY, HEALTHY, Health(0.5, 0.9), Health(0.5, 0.9)]
@@ -79,7 +79,7 @@ def test_a_flight_is_given_the_same_object_as_long_as_nothing_changes() -> None:
         assert all(both(k) is both(first) for k in range(first, last + 1))
 
 
-# What each failure of an actuator makes of a sound one, and of the share that acts.
+# Fault that each failure sets in a healthy actuator, and the remaining share.
 FAULTS: list[tuple[Callable[..., HealthHistory], dict[str, Any], Fault]] = [
     (stuck, {}, Fault(stuck=True)),
     (hardover, {"to_rad": -inf}, Fault(hardover_rad=-inf)),
@@ -91,7 +91,7 @@ SHARES = {"elevator": ("effectiveness", "elevator_force"), "aileron": ("aileron"
 
 
 def _same(found: Fault, expected: Fault) -> bool:
-    """Equal; a deflection that nothing drives to is nan, which does not equal itself."""
+    """Whether two faults are equal, with nan equal to nan (no hardover)."""
     return str(found) == str(expected)
 
 
