@@ -1,4 +1,4 @@
-"""The standard atmosphere that an air data computer assumes: pressure and speed of sound from geometric altitude."""
+"""Standard atmosphere of the air data computer: pressure and speed of sound from geometric altitude."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def _assembled(plan: Plan) -> Flight:
         design, noise, control_hz, plan.schedule, plan.lateral, lateral_noise, aircraft.actuator, scenario.rates.delay_ticks
     )  # fmt: skip
     onboard = _with_model_errors(onboard, scenario.model_error)
-    health = factories.failing(scenario)
+    health = factories.health_history(scenario)
     estimators = [registry.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators]
     names = names_of(scenario, estimators)
     adaptation = scenario.adaptation

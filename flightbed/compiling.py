@@ -1,4 +1,4 @@
-"""Functions that run compiled (numba, cached on disk) and plain, from one source."""
+"""Functions with one source that run compiled (numba, cached on disk) or as plain Python."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PLAIN = os.environ.get("FLIGHTBED_PLAIN", "") not in ("", "0")
 
 
 def compiled(function: Callable[P_, R_]) -> Callable[P_, R_]:
-    """Compile at first call, unless FLIGHTBED_PLAIN is set; ``plain`` gives back the function itself either way."""
+    """Compile a function at its first call, unless FLIGHTBED_PLAIN is set; ``plain`` returns the Python function in both cases."""
     if PLAIN:
         function.py_func = function  # type: ignore[attr-defined]
         return function
@@ -27,5 +27,5 @@ def compiled(function: Callable[P_, R_]) -> Callable[P_, R_]:
 
 
 def plain(function: Callable[P_, R_]) -> Callable[P_, R_]:
-    """Return a compiled function as it was written: on a few plain numbers the way into compiled code costs more than they do."""
+    """Return the Python function of a compiled one: for a few scalars, calling compiled code takes longer than their arithmetic."""
     return cast(Callable[P_, R_], function.py_func)  # type: ignore[attr-defined]

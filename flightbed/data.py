@@ -1,4 +1,4 @@
-"""Where aircraft and scenarios live: inside an installed package, or beside it in a source tree."""
+"""Folders of aircraft and scenarios: inside an installed package, or beside it in a source tree."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def shipped(kind: str) -> Path:
-    """Return the folder of shipped data of a kind, ``"aircraft"``, ``"scenario"`` or ``"campaign"``."""
+    """Return the folder of shipped data; ``kind`` is ``"aircraft"``, ``"scenario"`` or ``"campaign"``."""
     if kind == "campaign":
         return shipped("scenario") / "campaigns"
     installed = _PACKAGE / f"{kind}_data"
@@ -33,9 +33,12 @@ def names(kind: str) -> Iterator[str]:
 
 
 def find_flights(name: str) -> Path:
-    """Return the file of a campaign or a scenario, given a shipped name or a path of the user's own, which wins when it exists.
+    """Return the file of a campaign or a scenario, given a shipped name or a path. An existing path has precedence.
 
-    Raises UnknownNameError or InputError.
+    Raises:
+        UnknownNameError: the name is not shipped, and no such path exists.
+        InputError: the path cannot be used.
+
     """
     campaign = shipped("campaign") / f"{name}.toml"
     if Path(name).name == name and campaign.is_file() and not Path(name).is_file():
@@ -48,15 +51,18 @@ def find_flights(name: str) -> Path:
 
 
 def find(kind: str, name: str) -> Path:
-    """Return the folder of an aircraft or the file of a scenario, given a shipped name or a path of the user's own.
+    """Return the folder of an aircraft or the file of a scenario, given a shipped name or a path. An existing path has precedence.
 
-    A path wins when it exists. Raises UnknownNameError or InputError when neither does.
+    Raises:
+        UnknownNameError: the name is not shipped, and no such path exists.
+        InputError: the path cannot be used.
+
     """
     marker = "aircraft.toml" if kind == "aircraft" else ""
     try:
         own = Path(name).expanduser()
         own.stat()
-    except (OSError, RuntimeError) as error:  # no such user, too long, no permission, or simply not there
+    except (OSError, RuntimeError) as error:  # unknown user, name too long, no permission, or no such path
         if isinstance(error, RuntimeError) or getattr(error, "errno", None) not in (errno.ENOENT, errno.ENOTDIR):
             reason = error.strerror if isinstance(error, OSError) else error
             raise InputError(f"{kind} {name[:60]}: cannot be read: {reason}") from None

@@ -1,18 +1,18 @@
-"""Everything that flightbed raises on purpose.
+"""All errors that flightbed raises deliberately.
 
 ::
 
     FlightbedError                     one line: place, value, cure
-    +-- InputError                     exit code 2: what the user wrote cannot be used
-    |   +-- ScenarioError              a scenario file or an override; .problems lists them all
-    |   +-- UnknownNameError           a name that nothing is registered under; suggests the nearest
-    |   +-- AircraftError              an aircraft folder, or a stock model, that does not fit
-    |   +-- OutputError                a folder or file that cannot be read or written
-    |   +-- EstimateError              an estimator that corrects the law says what is no number
-    |   +-- ExtensionError             code of the user's own that cannot be imported, or fails; its exception is the cause
-    +-- NotComputableError             exit code 3: the input is sound, the answer does not exist
+    +-- InputError                     exit code 2: invalid user input
+    |   +-- ScenarioError              invalid scenario file or override; .problems lists all problems
+    |   +-- UnknownNameError           unregistered name; suggests the nearest
+    |   +-- AircraftError              invalid aircraft folder, or an overlay that does not fit its stock model
+    |   +-- OutputError                a folder or file cannot be read or written
+    |   +-- EstimateError              the estimate that corrects the law is not finite
+    |   +-- ExtensionError             own code cannot be imported, or fails; its exception is the cause
+    +-- NotComputableError             exit code 3: valid input without a solution
         +-- NoTrimError                no equilibrium within the limits; carries the nearest point found
-        +-- DesignError                a control law that the design model does not admit
+        +-- DesignError                no control law for the design model
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ from typing import Any
 
 
 class FlightbedError(Exception):
-    """Base of all errors that flightbed raises on purpose; ``str()`` is one line (or one line per problem).
+    """Base of all errors that flightbed raises deliberately; ``str()`` is one line (or one line per problem).
 
-    They come whole from a worker process: pickled as they are, not made anew from their message.
+    Pickling keeps all attributes, so an error from a worker process arrives complete.
     """
 
     exit_code = 2
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (type(self), self.args), self.__dict__
+        return _rebuild, (type(self), self.args), self.__dict__
 
 
-def _again(kind: type[FlightbedError], args: tuple[object, ...]) -> FlightbedError:
-    return kind.__new__(kind, *args)  # keeps the arguments; what __init__ did is in the state
+def _rebuild(kind: type[FlightbedError], args: tuple[object, ...]) -> FlightbedError:
+    return kind.__new__(kind, *args)  # restores the arguments; the attributes set by __init__ are in the state
 
 
 class InputError(FlightbedError):
-    """What the user wrote cannot be used."""
+    """The user's input is invalid."""
 
 
 class ScenarioError(InputError):
-    """A scenario has problems; every one of them is listed.
+    """A scenario has problems; the message lists all.
 
     Attributes:
-        problems: one line each, naming place, value and cure.
+        problems: one line each, with place, value and cure.
 
     """
 
@@ -56,7 +56,13 @@ class ScenarioError(InputError):
 
 
 class UnknownNameError(InputError):
-    """Nothing is registered under a name."""
+    """No entry is registered under a name.
+
+    Attributes:
+        name: the unknown name.
+        known: the registered names, sorted.
+
+    """
 
     def __init__(self, kind: str, name: str, known: Iterable[str], *, also: str = "") -> None:
         self.name = name
@@ -67,7 +73,7 @@ class UnknownNameError(InputError):
 
 
 class AircraftError(InputError):
-    """An aircraft folder, or the stock model that it is laid over, does not fit."""
+    """An aircraft folder is invalid, or does not fit the stock model that it modifies."""
 
 
 class OutputError(InputError):
@@ -75,15 +81,15 @@ class OutputError(InputError):
 
 
 class ExtensionError(InputError):
-    """Code outside flightbed cannot be imported, or fails in flight; ``__cause__`` is the exception itself."""
+    """The user's own code cannot be imported, or fails in flight; ``__cause__`` is its exception."""
 
 
 class EstimateError(InputError):
-    """The estimator that the law is corrected by says what is no number."""
+    """The estimate that corrects the law is not finite."""
 
 
 class NotComputableError(FlightbedError):
-    """The input is sound, but what was asked for does not exist."""
+    """The input is valid, but the requested result does not exist."""
 
     exit_code = 3
 
@@ -94,9 +100,9 @@ class NoTrimError(NotComputableError):
     Attributes:
         nearest: name -> value of the unknowns at the nearest point found (SI, radians).
         residual: equation -> residual there (g, g, rad/s^2).
-        binding: names of the limits that bind there.
-        feasible: nearest conditions that can be trimmed, found by moving one of speed, altitude, load factor or bank, in words
-            and numbers: name -> value; empty when none was looked for, or found.
+        binding: names of the limits active there.
+        feasible: description -> value of the nearest conditions with a trim, found by a change of speed, altitude, load factor or
+            bank alone; empty if no search was made, or none was found.
 
     """
 

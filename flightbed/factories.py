@@ -1,4 +1,4 @@
-"""Settings of a scenario -> the objects that fly; one factory per registered name, where units are converted."""
+"""Factories from a scenario's settings to the objects of a flight, one per registered name; they convert the units."""
 
 from __future__ import annotations
 
@@ -26,10 +26,13 @@ from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
 from flightbed.estimation.surfaces import SurfacesConfig, TwoStagePitch, TwoStageSurfaces
 from flightbed.estimation.two_stage import ConstantForgetting, Forgetting, NoForgetting, VariableForgetting
-from flightbed.failures.airframe import cg_moved
-from flightbed.failures.base import Failing, healthy
-from flightbed.failures.effector import biased, damaged, driven, ramped, slowed, weakened
+from flightbed.failures.airframe import cg_shift as _cg_shift
+from flightbed.failures.base import HealthHistory, healthy
+from flightbed.failures.effector import bias as _bias
+from flightbed.failures.effector import effectiveness_loss, rate_limited, structural_damage
 from flightbed.failures.effector import floating as _floating
+from flightbed.failures.effector import hardover as _hardover
+from flightbed.failures.effector import ramp as _ramp
 from flightbed.failures.effector import stuck as _stuck
 from flightbed.gusts import Gusts, calm, one_minus_cosine, sine
 from flightbed.short_period import ShortPeriod
@@ -74,7 +77,7 @@ def multisine(settings: s.Command) -> Command:
 
 
 def dither(settings: s.Command) -> Command:
-    """Repeat a multisine, small by default, from start_s to the flight's end: excites level flight."""
+    """Repeat a multisine, small by default, from start_s to the end of the flight, to excite level flight."""
     return _harmonics(settings, count=inf)
 
 
@@ -107,7 +110,7 @@ def constant(settings: s.Command) -> Command:
 
 
 def pulse(settings: s.Command) -> Command:
-    """Hold amplitude_deg_s from start_s on for period_s: a step and its release."""
+    """Hold amplitude_deg_s for period_s from start_s on: a rectangular pulse."""
     return _pulses(
         [1],
         amplitude_rad_s=settings.amplitude_deg_s * DEG,
@@ -118,7 +121,7 @@ def pulse(settings: s.Command) -> Command:
 
 
 def none(_settings: s.Command) -> Command:
-    """Ask for nothing: straight and level."""
+    """Command zero pitch rate: straight and level flight."""
     return _none()
 
 
@@ -152,12 +155,12 @@ def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: 
 
 
 def lq(settings: s.Control, design: ShortPeriod, control_hz: int) -> Law:
-    """Proportional law with gains that are optimal for quadratic weights, designed anew for K-hat where adaptation asks for it."""
+    """Proportional law with gains that are optimal for quadratic weights, redesigned for K-hat with adaptation.method = "redesign"."""
     return RedesignedPitch(design, _pitch_weights(settings), control_hz=control_hz)
 
 
 def lq_gains(settings: s.Control, design: ShortPeriod, control_hz: int, effectiveness: float) -> Gains:
-    """Return the gains that the law lq has for a K."""
+    """Return the gains of the law lq at a given K."""
     return pitch_lq(design, _pitch_weights(settings), control_hz=control_hz, effectiveness=effectiveness)
 
 
@@ -166,52 +169,56 @@ def _pitch_weights(settings: s.Control) -> PitchWeights:
     return PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG)
 
 
-def effectiveness(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
-    """Keep the share `to` of the deflection's effect from the first tick at or after at_s."""
-    return weakened(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
+def effectiveness(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Scale the effect of the deflection by `to`, from the first tick at or after at_s."""
+    return effectiveness_loss(
+        before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz)
+    )
 
 
-def structural(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
-    """Keep the share `to` of the elevator's pitching moment and `force_to` of its lift and drag from at_s on."""
-    return damaged(before, to=settings.to, force_to=settings.force_to, at_tick=failure_tick(settings, control_hz))
+def structural(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Scale the elevator's pitching moment by `to` and its lift and drag by `force_to`, from at_s on."""
+    return structural_damage(
+        before, to=settings.to, force_to=settings.force_to, at_tick=failure_tick(settings, control_hz)
+    )
 
 
-def cg_shift(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
-    """Move the c.g. shift_cbar mean chords aft of where it was at take-off, from at_s on."""
-    return cg_moved(before, shift_cbar=settings.shift_cbar, at_tick=failure_tick(settings, control_hz))
+def cg_shift(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Move the c.g. to shift_cbar mean chords aft of its take-off position, from at_s on."""
+    return _cg_shift(before, shift_cbar=settings.shift_cbar, at_tick=failure_tick(settings, control_hz))
 
 
-def ramp(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
-    """Lose effectiveness steadily from what it is at at_s to the share `to`, over over_s seconds."""
+def ramp(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Reduce the effectiveness linearly from its value at at_s to `to`, over over_s seconds."""
     at_tick = failure_tick(settings, control_hz)
     ticks = max(1, round(settings.over_s * control_hz))
-    return ramped(before, surface=settings.surface, to=settings.to, at_tick=at_tick, ticks=ticks)
+    return _ramp(before, surface=settings.surface, to=settings.to, at_tick=at_tick, ticks=ticks)
 
 
-def stuck(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
-    """Jam the actuator where it is at at_s."""
+def stuck(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Jam the actuator at its position at at_s."""
     return _stuck(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
 
 
-def floating(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
-    """Let the surface come off its actuator at at_s and trail in the stream."""
+def floating(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Detach the surface from its actuator at at_s; it floats in the airstream."""
     return _floating(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
 
 
-def hardover(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
-    """Run the actuator to the stop on the side low or high from at_s on, as fast as it goes."""
+def hardover(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Run the actuator to the stop on the side low or high from at_s on, at its rate limit."""
     to_rad = inf if settings.side == "high" else -inf
-    return driven(before, surface=settings.surface, to_rad=to_rad, at_tick=failure_tick(settings, control_hz))
+    return _hardover(before, surface=settings.surface, to_rad=to_rad, at_tick=failure_tick(settings, control_hz))
 
 
-def rate_limit(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
-    """Leave the share `to` of the actuator's rate limit from at_s on."""
-    return slowed(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
+def rate_limit(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Scale the actuator's rate limit by `to`, from at_s on."""
+    return rate_limited(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
 
 
-def bias(settings: s.Failure, before: Failing, control_hz: int) -> Failing:
-    """Add bias_deg to what acts, unseen by the position feedback, from at_s on."""
-    return biased(
+def bias(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Add bias_deg to the acting deflection, absent from the position feedback, from at_s on."""
+    return _bias(
         before, surface=settings.surface, by_rad=settings.bias_deg * DEG, at_tick=failure_tick(settings, control_hz)
     )
 
@@ -221,16 +228,16 @@ def failure_tick(settings: s.Failure, control_hz: int) -> int:
     return ceil(settings.at_s * control_hz - 1e-6)
 
 
-def failing(scenario: s.Scenario) -> Failing:
-    """Return what all failures of a scenario make of the aircraft, in order of time; of two at once the later in the file acts."""
-    health: Failing = healthy
+def health_history(scenario: s.Scenario) -> HealthHistory:
+    """Return the health over time from all failures of a scenario, in order of time; of two at once, the later in the file acts."""
+    health: HealthHistory = healthy
     for failure in sorted(scenario.failures, key=lambda f: f.at_s):
         health = registry.factory("failures", failure.kind)(failure, health, scenario.rates.control_hz)
     return health
 
 
 def gusts(settings: Sequence[s.GustSettings]) -> Gusts:
-    """Return the sum of all gusts."""
+    """Return the sum of all gusts, m/s over time."""
     air: Gusts = calm
     for gust in settings:
         if gust.shape == "sine":
@@ -246,7 +253,7 @@ def loop_gain(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
 
 
 def differentiated_rls(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
-    """Recursive least squares with variable forgetting on differentiated pitch rate: the plain baseline."""
+    """Recursive least squares with variable forgetting on differentiated pitch rate: the baseline."""
     return DifferentiatedRls(
         RlsConfig(
             scheduled=settings.model == "scheduled",
@@ -261,7 +268,7 @@ def differentiated_rls(settings: s.EstimatorSettings, onboard: OnBoard) -> Estim
 
 
 def two_stage(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator | SurfacesEstimator:
-    """Two-stage Kalman filter with forgetting (Wu, Zhang and Zhou 2000): the elevator, or all surfaces that are commanded."""
+    """Two-stage Kalman filter with forgetting (Wu, Zhang and Zhou 2000): of the elevator, or of all commanded surfaces."""
     forgetting: Forgetting = NoForgetting()
     if settings.memory == "fading":
         forgetting = ConstantForgetting(settings.forgetting)

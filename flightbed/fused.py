@@ -107,7 +107,7 @@ def _tick(store: Array, k: int) -> float:
     elevator = effectiveness_used * measurement[2] if store[_EFFECTIVE_FEEDBACK] > 0.0 else measurement[2]
     reference = row[2]
     if store[_PEAK] > 0.0 and store[_CORRECTION] != _NO_CORRECTION:
-        reference = adaptation.limited(reference, effectiveness_used, low, high, store[_TRIM], store[_PEAK])
+        reference = adaptation.limit_reference(reference, effectiveness_used, low, high, store[_TRIM], store[_PEAK])
     alpha, q = measurement[0], measurement[1]
     if store[_STATE_FROM] >= 0.0:
         to = _FIRST_ESTIMATE + int(store[_STATE_FROM]) * _FIELDS
@@ -122,7 +122,7 @@ def _tick(store: Array, k: int) -> float:
         if store[_HOLD] == 0.0:
             store[_INTEGRAL] += store[_PER_TICK] * (reference - q)
     corrected = demand / effectiveness_used
-    command = adaptation.cut(corrected, low, high)
+    command = adaptation.clip_command(corrected, low, high)
     store[_HOLD] = 1.0 if command != corrected else 0.0
     row[3] = command
     store[_ENDED] = k

@@ -1,4 +1,4 @@
-"""Gusts: functions of time that compose, the vertical speed of the air in m/s, up positive; calm air before their start."""
+"""Gusts as functions of time: vertical speed of the air, m/s, up positive. A gust wraps the previous ones and is zero before its start."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ Gusts = Callable[[float], float]
 
 
 def calm(_t_s: float) -> float:
-    """Air at rest."""
+    """Return the vertical speed of calm air, 0 m/s."""
     return 0.0
 
 
 def one_minus_cosine(before: Gusts, *, at_s: float, up_m_s: float, rise_s: float, hold_s: float) -> Gusts:
-    """Add to the air so far a gust that rises, holds and falls.
+    """Add a gust that rises, holds and falls.
 
     The rise is the discrete gust of MIL-F-8785C, 3.7.1.3, w = (w_m / 2) (1 - cos(pi x / d_m)) over the gust length d_m and w_m beyond,
-    in time instead of distance: rise_s = d_m / V. The standard's gust stays; this one falls again after ``hold_s``, by
-    the rise's mirror image.
+    in time instead of distance: rise_s = d_m / V. The gust of the standard stays at its peak; this one falls after ``hold_s``, as the
+    mirror image of the rise.
 
     Args:
-        before: the air so far.
-        at_s: time at which it begins to rise, s.
-        up_m_s: its peak, m/s.
-        rise_s: time of the rise, and of the fall, s; above 0.
-        hold_s: time at the peak, s.
+        before: the previous gusts.
+        at_s: start of the rise, s.
+        up_m_s: peak, m/s.
+        rise_s: duration of the rise and of the fall, s; above 0.
+        hold_s: duration of the peak, s.
 
     """
     middle, half_s = at_s + rise_s + 0.5 * hold_s, 0.5 * hold_s
@@ -41,13 +41,13 @@ def one_minus_cosine(before: Gusts, *, at_s: float, up_m_s: float, rise_s: float
 
 
 def sine(before: Gusts, *, at_s: float, up_m_s: float, frequency_hz: float) -> Gusts:
-    """Add to the air so far a harmonic gust that begins with a rise and goes on to the end of the flight.
+    """Add a harmonic gust that starts upwards and lasts to the end of the flight.
 
     Args:
-        before: the air so far.
-        at_s: time at which it begins, s.
-        up_m_s: its amplitude, m/s.
-        frequency_hz: its frequency as the aircraft meets it, Hz.
+        before: the previous gusts.
+        at_s: start of the gust, s.
+        up_m_s: amplitude, m/s.
+        frequency_hz: frequency of encounter, Hz.
 
     """
 

@@ -1,4 +1,4 @@
-"""Factories of what Kemp's thesis adds to flightbed: settings -> laws of load factor, and PLID as an estimator of effectiveness."""
+"""Factories for the methods of Kemp's thesis: load-factor laws, and PLID as an estimator of effectiveness."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flightbed import settings as s
 from flightbed.control.ackermann import AckermannConfig
 from flightbed.control.autothrottle import Autothrottle
 from flightbed.control.load_factor import POLES, LoadFactorDesign, LoadFactorLaw, gain_table, second_order
-from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, settled
+from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, rest_state
 from flightbed.control.nz_scheduled import NzScheduled
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.plid import CONVENTIONAL, PlidConfig, Tracking
@@ -33,7 +33,7 @@ def _poles(settings: s.Control) -> Sequence[complex]:
 
 
 def nz_scheduled(settings: s.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
-    """Load factor by gains of alpha, q, error and its integral, fixed over measured dynamic pressure (Kemp S 6.1)."""
+    """Load factor with gains of alpha, q, error and its integral, scheduled over measured dynamic pressure (Kemp S 6.1)."""
     return NzScheduled(
         gain_table(design.points, _poles(settings)),
         control_hz=control_hz,
@@ -54,7 +54,7 @@ def nz_adaptive(settings: s.Control, design: LoadFactorDesign, control_hz: int) 
         order=2,
         process_var=wanted.process_var,
         output_var=wanted.output_var,
-        prior=settled(model, design.elevator_trim_rad),
+        prior=rest_state(model, design.elevator_trim_rad),
         prior_var=wanted.prior_var,
         tracking=Tracking(block_fade=wanted.block_fade),
         dtype=_dtype(wanted.precision),
@@ -76,7 +76,7 @@ def nz_adaptive(settings: s.Control, design: LoadFactorDesign, control_hz: int) 
 
 
 def autothrottle(settings: s.Autothrottle, *, airspeed_m_s: float, control_hz: int) -> Autothrottle | None:
-    """Hold the airspeed of the start, and from then_at_s on another one; None where it is off."""
+    """Return an autothrottle that holds the initial airspeed, and then_fps from then_at_s on; None if it is disabled."""
     if not settings.enabled:
         return None
     return Autothrottle(
@@ -89,7 +89,7 @@ def autothrottle(settings: s.Autothrottle, *, airspeed_m_s: float, control_hz: i
 
 
 def plid(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
-    """Pseudo-linear identification (Kemp 1987) of elevator to pitch rate; K is its numerator over the healthy one."""
+    """Pseudo-linear identification (Kemp 1987) from elevator to pitch rate; K is the ratio of its numerator to the healthy one."""
     return PlidEffectiveness(
         PlidEffectivenessConfig(
             scheduled=settings.model == "scheduled",

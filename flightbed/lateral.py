@@ -69,11 +69,11 @@ def _effectiveness_used(adaptation: Adaptation, estimates: Sequence[Estimate], t
     if not adaptation.enabled:
         return 1.0
     if adaptation.oracle:
-        return adaptation.believed(true_share)
+        return adaptation.effectiveness_used(true_share)
     estimate = estimates[adaptation.estimator]
     if not isfinite(estimate.effectiveness_smoothed):
         raise EstimateError(
             f"estimators: smoothed K of aileron or rudder is {estimate.effectiveness_smoothed} at t = {t_s:g} s; "
             "the correction 1/K needs a finite K"
         )
-    return adaptation.believed(estimate.effectiveness_smoothed, estimate.effectiveness_std)
+    return adaptation.effectiveness_used(estimate.effectiveness_smoothed, estimate.effectiveness_std)

@@ -13,7 +13,7 @@ from flightbed.control.base import Law
 from flightbed.control.redesign import Redesign
 from flightbed.errors import EstimateError
 from flightbed.estimation.base import Commanded, Estimator, SurfacesEstimator, estimate_names
-from flightbed.failures.base import Failing
+from flightbed.failures.base import HealthHistory
 from flightbed.lateral import LateralAxes
 from flightbed.load_factor import LoadFactorAxis
 from flightbed.plant.base import Plant
@@ -33,7 +33,7 @@ class Flight:
     plant: Plant
     sensors: Sensors
     profile: Profile
-    health: Failing
+    health: HealthHistory
     law: Law
     adaptation: Adaptation
     estimators: Sequence[Estimator | SurfacesEstimator]
@@ -95,7 +95,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
     """
     plant, sensors, law, adaptation = flight.plant, flight.sensors, flight.law, flight.adaptation
     sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
-    believed_of, feedback_of, health_at = adaptation.believed, adaptation.position_feedback, flight.health
+    believed_of, feedback_of, health_at = adaptation.effectiveness_used, adaptation.position_feedback, flight.health
     reference_of, command_of = adaptation.reference, adaptation.command
     axes, redesign, load_factor = flight.lateral, flight.redesign, flight.load_factor
     updaters = [updater(estimator) for estimator in flight.estimators] if axes is not None else []
@@ -127,7 +127,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
             estimates = (only(measurement),) if only else tuple([update(measurement) for update in updates])
 
         if redesign is not None:
-            redesign.consider(estimates)
+            redesign.update(estimates)
         if oracle:  # the true K of the scenario; no estimator is used
             believed = believed_of(health.effectiveness)
         elif estimates:

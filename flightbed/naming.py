@@ -1,4 +1,4 @@
-"""What estimates are called: ``NAME`` is the elevator's, ``NAME.aileron`` and ``NAME.rudder`` are those of the other surfaces."""
+"""Names of estimates: ``NAME`` for the elevator, ``NAME.aileron`` and ``NAME.rudder`` for the other surfaces."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ from collections.abc import Iterable, Sequence
 
 
 def estimate_name(estimator: str, surface: str) -> str:
-    """Return what the estimate of a surface is called."""
+    """Return the name of an estimator's estimate for a surface."""
     return estimator if surface == "elevator" else f"{estimator}.{surface}"
 
 
 def surface_of(estimate: str) -> str:
-    """Return the surface whose K an estimate is of."""
+    """Return the surface of an estimate."""
     return estimate.partition(".")[2] or "elevator"
 
 
 def estimator_of(estimate: str) -> str:
-    """Return the name of the estimator that an estimate comes from."""
+    """Return the name of the estimator of an estimate."""
     return estimate.partition(".")[0]
 
 
 def of_surface(estimates: Iterable[str], surface: str) -> tuple[str, ...]:
-    """Return those of some estimates that are of a surface."""
+    """Return the estimates of one surface."""
     return tuple(name for name in estimates if surface_of(name) == surface)
 
 
 def numbered(estimates: Sequence[str]) -> dict[str, int]:
-    """Return estimate -> index of the estimator that it comes from: all estimates of one have its colour."""
+    """Return estimate -> index of its estimator; all estimates of one estimator share its colour."""
     estimators = list(dict.fromkeys(map(estimator_of, estimates)))
     return {name: estimators.index(estimator_of(name)) for name in estimates}

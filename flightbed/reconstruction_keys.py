@@ -1,4 +1,4 @@
-"""Keys of what reconstructs an unknown input, and of gusts: what contradicts, what is without effect; a part of ``consistency``."""
+"""Keys of gusts and of estimators that reconstruct an unknown input: contradictions and keys without effect; part of ``consistency``."""
 
 from __future__ import annotations
 
@@ -10,15 +10,24 @@ from flightbed.settings import EstimatorSettings, GustSettings, Scenario
 KINDS = ("retrospective-cost", "input-kalman")
 _RETROSPECTIVE = ("order", "horizon", "regularization", "initial_covariance", "input_forgetting", "saturation_deg")
 _WALK = ("input_step_deg",)
-KEYS = ("unknown", "offset_deg", *_RETROSPECTIVE, *_WALK)  # no other kind has a use for them
-_NOBODY = ("input", "input_at", "alarm_threshold", "hold_std", "memory", "variance_min", "variance_max", "walk_std")
-# Of the elevator's effectiveness and its test, which a reconstructed gust has none of.
+KEYS = ("unknown", "offset_deg", *_RETROSPECTIVE, *_WALK)  # used by these kinds only
+_WITHOUT_EFFECT = (
+    "input",
+    "input_at",
+    "alarm_threshold",
+    "hold_std",
+    "memory",
+    "variance_min",
+    "variance_max",
+    "walk_std",
+)
+# Keys of the elevator's effectiveness and its test, without effect when the unknown is a gust.
 _ELEVATOR = (
     "window", "forgetting", "smoothing", "bounds", "follow_disturbances", "false_alarm", "offset_deg", "prior.effectiveness",
     "prior.effectiveness_std",
 )  # fmt: skip
 _DISTURBANCES = ("alpha_disturbance_deg_s", "q_disturbance_deg_s2")
-_SHORTEST = 6  # ticks of a window of the test
+_SHORTEST = 6  # ticks, shortest window of the test
 _GUST_NEEDS: Mapping[str, str] = MappingProxyType({"1-cos": "rise_s", "sine": "frequency_hz"})
 _GUST_IDLE: Mapping[str, Sequence[str]] = MappingProxyType(
     {"1-cos": ("frequency_hz",), "sine": ("rise_s", "hold_s")},
@@ -26,7 +35,7 @@ _GUST_IDLE: Mapping[str, Sequence[str]] = MappingProxyType(
 
 
 def contradictions(scenario: Scenario) -> list[str]:
-    """Return what cannot be flown as it is written, one line each."""
+    """Return the contradictions in a scenario, one line each."""
     problems = [
         f"gusts.{i}.{needed}: is missing; a gust of shape '{gust.shape}' needs it"
         for i, gust in enumerate(scenario.gusts)
@@ -65,9 +74,9 @@ def idle_in_estimator(place: str, estimator: EstimatorSettings, *others: str) ->
     if kind not in KINDS:
         return {}
     of_the_other = _WALK if kind == "retrospective-cost" else _RETROSPECTIVE
-    keys = dict.fromkeys((*others, *_NOBODY, *of_the_other), f"{place}.kind = '{kind}'")
+    keys = dict.fromkeys((*others, *_WITHOUT_EFFECT, *of_the_other), f"{place}.kind = '{kind}'")
     if estimator.unknown == "gust":
-        # The retrospective cost knows nothing of noise; of the elevator its test does.
+        # The retrospective cost ignores the noise; the elevator's test uses it.
         more = _DISTURBANCES if kind == "retrospective-cost" else ()
         keys |= dict.fromkeys((*_ELEVATOR, *more), f"{place}.unknown = 'gust'")
     return keys

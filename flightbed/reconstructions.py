@@ -1,4 +1,4 @@
-"""Settings of a scenario -> the estimators that reconstruct an unknown input; as ``factories.py``, where units are converted."""
+"""Factories from a scenario's settings to the estimators that reconstruct an unknown input; they convert the units."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flightbed.units import DEG
 
 
 def retrospective_cost(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
-    """Unknown input by retrospective cost (Gupta and others 2012): the elevator's deflection that acts, and K from it, or a gust."""
+    """Unknown input by retrospective cost (Gupta and others 2012): the elevator's acting deflection and K, or a gust."""
     method = RetrospectiveSettings(
         order=settings.order,
         horizon=settings.horizon,
@@ -25,7 +25,7 @@ def retrospective_cost(settings: s.EstimatorSettings, onboard: OnBoard) -> Estim
 
 
 def input_kalman(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
-    """Unknown input as a random walk in the state of a Kalman filter: the rival of retrospective-cost."""
+    """Unknown input as a random walk in the state of a Kalman filter: the alternative to retrospective-cost."""
     return _reconstruction(settings, onboard, WalkSettings(step_rad=settings.input_step_deg * DEG))
 
 

@@ -1,11 +1,11 @@
-"""Airframe -> Schedule: the pitch motion of an aircraft over Mach number and alpha, for a model on board.
+"""Schedule, from an Airframe: tables of the pitch dynamics over Mach number and alpha, for the on-board model.
 
     alpha' = q + [qbar (n + n_delta(d)) + (qbar/V) n_q q + g cos-terms + thrust] / V
     q'     =      qbar (m + m_delta(d)) + (qbar/V) m_q q + thrust moment
 
-with d the deflection that acts (K times position), qbar from Mach number and altitude, gravity by attitude. The coefficients are
-tables over (Mach, alpha), bilinear between nodes; n_delta and m_delta are piecewise linear in d as well. Nodes lie on the
-breakpoints of the aircraft's own tables, a pair on either side of each, so that a switch is a step here too.
+where d is the effective deflection (K times position), qbar follows from Mach number and altitude, and gravity from attitude. The
+coefficients are tables over (Mach, alpha), bilinear between nodes; n_delta and m_delta are also piecewise linear in d. A pair of
+nodes encloses each breakpoint of the aircraft's own tables, so that a discontinuity of the aircraft is reproduced.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from flightbed.units import DEG, G0
 
 Array = npt.NDArray[np.float64]
 
-_FORMAT = 3  # of the file in the cache: change it when what is tabulated changes
+_FORMAT = 3  # version of the cache file: increase it when the tabulated quantities change
 MACHS, ALPHAS_RAD = (0.2, 2.0), (-10.0 * DEG, 45.0 * DEG)
-_FILL_RAD, _BESIDE = 1.0 * DEG, 1e-7
+_FILL_RAD, _NODE_GAP = 1.0 * DEG, 1e-7
 _PROBE_Q = 0.1
 NORMAL, NORMAL_Q, MOMENT, MOMENT_Q, BY_ELEVATOR = 0, 1, 2, 3, 4
 
@@ -40,12 +40,12 @@ class Schedule:
     """The pitch model over the envelope. SI, radians.
 
     Attributes:
-        mach: (M,) nodes; alpha_rad: (N,); elevator_rad: (E,), 0 among them; altitude_m: (H,), of thrust alone.
+        mach: (M,) nodes; alpha_rad: (N,); elevator_rad: (E,), including 0; altitude_m: (H,), for thrust only.
         coefficients: (M, N, 4 + 2 E): n, n_q, m, m_q, then n_delta and m_delta at the elevator's nodes; m/s^2 and rad/s^2 per Pa,
-            the two with q per Pa s/m and rad/s.
-        thrust_n: (M, H) at the throttle that is set.
+            n_q and m_q per Pa s/m and rad/s.
+        thrust_n: (M, H) thrust at the throttle setting.
         per_newton: (3,) accelerations along body x and z (m/s^2) and in pitch (rad/s^2) per N of thrust.
-        span_m: wing span, by which a gust's gradient becomes a pitch rate; (1,).
+        span_m: (1,) wing span, which converts the gradient of a gust into a pitch rate.
 
     """
 
@@ -58,13 +58,8 @@ class Schedule:
     per_newton: Array
     span_m: Array
 
-    @property
-    def nbytes(self) -> int:
-        """Memory of the tables."""
-        return self.coefficients.nbytes + self.thrust_n.nbytes
-
     def packed(self) -> Array:
-        """Return all of it as one array, as ``estimation.pitch_model`` reads it."""
+        """Return all tables as one array, in the layout of ``estimation.pitch_model``."""
         parts = (self.mach, self.alpha_rad, self.elevator_rad, self.altitude_m)
         sizes = [float(len(p)) for p in parts]
         return np.concatenate(
@@ -74,7 +69,7 @@ class Schedule:
     def scaled(
         self, *, cm_alpha: float = 1.0, cm_q: float = 1.0, cm_delta: float = 1.0, about_rad: float = 0.0
     ) -> Schedule:
-        """Return a schedule that is wrong by factors, for studies of model error: C_m's change from ``about_rad``, C_mq and C_m_delta."""
+        """Return a schedule with model errors, as factors on C_mq, C_m_delta and the change of C_m(alpha) from ``about_rad``."""
         wrong, E = self.coefficients.copy(), len(self.elevator_rad)
         here = np.array([np.interp(about_rad, self.alpha_rad, row) for row in wrong[:, :, MOMENT]])
         wrong[:, :, MOMENT] = here[:, None] + cm_alpha * (wrong[:, :, MOMENT] - here[:, None])
@@ -84,11 +79,11 @@ class Schedule:
 
 
 def build_schedule(airframe: Airframe, *, throttle: float) -> Schedule:
-    """Tabulate an airframe; about 15,000 evaluations, a quarter of a second.
+    """Tabulate an airframe; about 15,000 evaluations, 0.25 s.
 
     Args:
-        airframe: any condition of the aircraft: speed and alpha are varied, the altitude is taken from it.
-        throttle: at which the aircraft will fly; thrust is tabulated over Mach number and altitude.
+        airframe: the aircraft at any condition; its altitude is used, speed and alpha are varied.
+        throttle: throttle setting of the flight; thrust is tabulated over Mach number and altitude.
 
     """
     mach = nodes(airframe.breakpoints("mach"), MACHS, None)
@@ -109,7 +104,7 @@ def build_schedule(airframe: Airframe, *, throttle: float) -> Schedule:
             def rates(
                 q: float, d: float, a: float = a, speed: float = speed, thrust: Array = thrust
             ) -> tuple[float, float]:
-                """Return normal and pitch acceleration by aerodynamics alone; level, theta = alpha."""
+                """Return the aerodynamic normal and pitch accelerations in level flight, theta = alpha."""
                 r = airframe.respond(Motion(speed, a, a, q, airframe.altitude_m), Controls(d, throttle)).rates
                 normal = (r.alpha - q) * speed - G0 - (thrust[1] * np.cos(a) - thrust[0] * np.sin(a))
                 return float(normal), r.q - float(thrust[2])
@@ -128,18 +123,18 @@ def build_schedule(airframe: Airframe, *, throttle: float) -> Schedule:
 def load_schedule(
     airframe: Airframe, *, throttle: float, fingerprint: Sequence[str], standard: Callable[[], Airframe]
 ) -> Schedule:
-    """Build a schedule, or take its tables from the cache; the thrust is always computed.
+    """Build a schedule, or read its tables from the cache; the thrust is always computed.
 
-    The tables are those of the aircraft at one standard condition, whatever flight asks for them first: gravity differs with altitude,
-    and what a flight says must not depend on which flights were flown before.
+    The tables always describe the aircraft at one standard condition: gravity varies with altitude, and a flight's result must not
+    depend on earlier flights.
 
-    The cache lies in ``$XDG_CACHE_HOME/flightbed`` (``~/.cache/flightbed``); one that cannot be read or written is done without.
+    The cache is in ``$XDG_CACHE_HOME/flightbed`` (default ``~/.cache/flightbed``); if it cannot be read or written, it is ignored.
 
     Args:
-        airframe: of the flight, for its thrust.
-        throttle: at which the aircraft will fly.
-        standard: makes the airframe at the standard condition, when there are no tables yet.
-        fingerprint: all that the tables depend on: hash of the aircraft, c.g. shift, versions.
+        airframe: airframe of the flight, for the thrust.
+        throttle: throttle setting of the flight.
+        standard: creates the airframe at the standard condition if the cache has no tables.
+        fingerprint: everything that determines the tables: hash of the aircraft, c.g. shift, versions.
 
     """
     key = hashlib.sha256("\n".join([str(_FORMAT), *fingerprint]).encode()).hexdigest()[:32]
@@ -170,9 +165,9 @@ def with_throttle(schedule: Schedule, airframe: Airframe, throttle: float) -> Sc
 
 
 def nodes(breakpoints: Sequence[float], span: tuple[float, float], fill: float | None) -> Array:
-    """Return nodes on either side of each breakpoint inside, and more where they are further apart than ``fill``."""
+    """Return nodes: the ends of the span, a pair around each breakpoint inside it, and multiples of ``fill`` between them."""
     inside = [b for b in breakpoints if span[0] < b < span[1]]
-    nodes = [span[0], *(b + side for b in inside for side in (-_BESIDE, _BESIDE)), span[1]]
+    nodes = [span[0], *(b + side for b in inside for side in (-_NODE_GAP, _NODE_GAP)), span[1]]
     if fill:
         more = np.arange(np.ceil(span[0] / fill), np.floor(span[1] / fill) + 1) * fill
         nodes += [v for v in more.tolist() if min(abs(v - n) for n in nodes) > 0.2 * fill]
@@ -194,7 +189,7 @@ def _thrust(airframe: Airframe, throttle: float, mach: Array, altitude: Array) -
 
 
 def _per_newton(airframe: Airframe) -> Array:
-    """Return what a newton of thrust does to the accelerations along body x and z and in pitch, from two throttle settings."""
+    """Return the accelerations along body x and z and in pitch per newton of thrust, (3,), from two throttle settings."""
     motion = Motion(airframe.airspeed_m_s, 0.0, 0.0, 0.0, airframe.altitude_m)
     low, high = (Controls(0.0, t) for t in (airframe.inputs[1].low, 0.5 * airframe.inputs[1].high))
     one, other = airframe.respond(motion, low).rates, airframe.respond(motion, high).rates

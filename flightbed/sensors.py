@@ -20,7 +20,7 @@ def readings(
     mach_scale: float, e_alpha: float, e_q: float, e_elevator: float, e_mach: float, e_altitude: float, e_theta: float, e_phi: float,
     e_nz: float,
 ) -> Nine:  # fmt: skip
-    """Return what is read, in the order of Measurement, of the true values and the errors at a tick."""
+    """Return the readings, in the order of Measurement, from the true values and the errors (e_) at a tick."""
     return (
         alpha + e_alpha,
         q + e_q,
@@ -39,7 +39,7 @@ _readings = plain(readings)
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Standard deviations of white Gaussian noise, one draw per tick. rad, rad/s, rad, 1, m, rad, rad, g."""
+    """Standard deviations of white Gaussian noise, one draw per tick. In order: rad, rad/s, rad, 1, m, rad, rad, g."""
 
     alpha_rad: float
     q_rad_s: float
@@ -53,7 +53,7 @@ class SensorNoise:
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """Constant errors that the flight computer does not know of. rad, rad/s, and a share of the Mach number."""
+    """Constant sensor errors, unknown to the flight computer: rad, rad/s, and a share of the Mach number."""
 
     alpha_rad: float = 0.0
     q_rad_s: float = 0.0
@@ -61,16 +61,16 @@ class SensorErrors:
 
 
 class Sensors:
-    """Sensors of one flight: all noise is drawn up front, from one stream per sensor.
+    """Sensors of one flight: all noise is drawn before the flight, from one stream per sensor.
 
     Args:
         noise: standard deviations.
         ticks: length of the flight.
-        seed: of this flight's sensors; streams are spawned from it, so a further sensor leaves the others as they are.
+        seed: seed of this flight's sensors; each sensor's stream is spawned from it, so an additional sensor does not change the others.
         errors: constant errors.
 
     Attributes:
-        errors: (ticks, 8), what each reading is off at each tick, in the order of SensorNoise.
+        errors: (ticks, 8), error of each reading at each tick, in the order of SensorNoise.
         mach_scale: factor on the true Mach number.
 
     """
@@ -89,13 +89,13 @@ class Sensors:
                 self.errors[:, column] = offset + std * np.random.default_rng(stream).standard_normal(ticks)
         self._rows: list[
             list[float]
-        ] = []  # plain numbers, made of the array when first read: reading them costs a third of it
+        ] = []  # lists of floats, converted at the first reading: access takes a third of the array's time
         self.mach_scale = 1.0 + errors.mach
 
     def read(self, tick: int, truth: Truth) -> Measurement:
-        """Return the readings at a tick. The averaged surface position carries the same error as the present one."""
+        """Return the readings at a tick. The averaged surface position has the same error as the present one."""
         errors = (self._rows or self._laid_out())[tick]
-        # The fields of Truth taken apart at once, the Measurement made without its constructor: half the time of doing it by name.
+        # Slicing Truth and bypassing Measurement's constructor halves the time of access by name.
         alpha, q, theta, phi, _, _, mach, altitude, _, _, nz, elevator, elevator_mean = truth[:13]
         return _new(
             Measurement,
@@ -109,7 +109,7 @@ class Sensors:
 
 @dataclass(frozen=True)
 class LateralNoise:
-    """Standard deviations of white Gaussian noise, one draw per tick. rad, rad/s, rad/s, rad, rad."""
+    """Standard deviations of white Gaussian noise, one draw per tick. In order: rad, rad/s, rad/s, rad, rad."""
 
     beta_rad: float
     p_rad_s: float
@@ -119,12 +119,12 @@ class LateralNoise:
 
 
 class LateralSensors:
-    """Sensors of roll and yaw in one flight; as ``sensors.Sensors``.
+    """Sensors of roll and yaw in one flight; otherwise as ``Sensors``.
 
     Args:
         noise: standard deviations.
         ticks: length of the flight.
-        seed: of this flight's sensors; streams are spawned from it.
+        seed: seed of this flight's lateral sensors; each sensor's stream is spawned from it.
 
     """
 
@@ -137,7 +137,7 @@ class LateralSensors:
         self._rows: list[list[float]] = np.column_stack(drawn).tolist()
 
     def read(self, tick: int, truth: LateralTruth) -> LateralMeasurement:
-        """Return the readings at a tick. An averaged surface position carries the same error as the present one."""
+        """Return the readings at a tick. An averaged surface position has the same error as the present one."""
         beta, p, r, aileron, rudder = self._rows[tick]
         return LateralMeasurement(
             truth.beta_rad + beta, truth.p_rad_s + p, truth.r_rad_s + r, truth.aileron_rad + aileron, truth.rudder_rad + rudder,

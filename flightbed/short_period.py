@@ -1,4 +1,4 @@
-"""LinearModel -> ShortPeriod, the design model: (alpha, q), elevator, and the actuator as a third state."""
+"""The design model ShortPeriod, from a LinearModel: states (alpha, q), input elevator, and the actuator as a third state."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ShortPeriod:
         A: (2, 2), [[Z_alpha, Z_q], [M_alpha, M_q]], 1/s and 1.
         b: (2,), [Z_delta, M_delta], per rad of elevator.
         actuator_rad_s: bandwidth of the first-order actuator.
-        alpha_trim_rad, elevator_trim_rad: the trim that deviations count from.
+        alpha_trim_rad, elevator_trim_rad: trim values of the deviations.
 
     """
 
@@ -41,11 +41,11 @@ class ShortPeriod:
 
     @property
     def poles(self) -> npt.NDArray[np.complex128]:
-        """Open-loop poles of the bare short period, rad/s."""
+        """Open-loop poles of the short period without actuator, (2,), rad/s."""
         return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
 
     def with_actuator(self, effectiveness: float = 1.0) -> tuple[Matrix, Vector]:
-        """Return (A, b) of x = (alpha, q, elevator) with the commanded elevator as input (Sillence S 3.1)."""
+        """Return A (3, 3) and b (3,) of x = (alpha, q, elevator), the elevator command as input (Sillence S 3.1)."""
         lag = self.actuator_rad_s
         A = np.zeros((3, 3))
         A[:2, :2] = self.A
@@ -54,12 +54,12 @@ class ShortPeriod:
         return A, np.array([0.0, 0.0, lag])
 
     def discrete(self, hz: float) -> Discrete:
-        """Return the zero-order-hold equivalent for the surface position as input, actuator left out."""
+        """Return the zero-order-hold equivalent with the surface position as input, without the actuator."""
         return zero_order_hold(self.A, self.b, 1.0 / hz)
 
 
 def short_period(model: LinearModel, *, actuator_rad_s: float) -> ShortPeriod:
-    """Take the short-period model out of a linear model; speed, attitude and lateral motion are frozen."""
+    """Extract the short-period model from a linear model; speed, attitude and lateral motion are frozen."""
     A, B = model.part(("alpha", "q"), ("elevator",))
     return ShortPeriod(A, B[:, 0], actuator_rad_s, model.trim.alpha_rad, model.trim.controls.elevator)
 
@@ -70,7 +70,7 @@ def zero_order_hold(A: Matrix, b: Matrix, period_s: float) -> Discrete:
     Args:
         A: (n, n).
         b: (n,) for one input, (n, m) for several; the result has the same shape.
-        period_s: how long the inputs are held, s.
+        period_s: hold period, s.
 
     """
     from scipy.linalg import expm  # slow to import

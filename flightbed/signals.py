@@ -1,9 +1,9 @@
-"""The values that flow through the loop, one per control tick. SI and radians; what is noise-free is only in Truth.
+"""The signals of the loop, one value per control tick. SI and radians; only Truth is free of noise.
 
 Signs: body axes forward-right-down; alpha, theta, q positive nose up; elevator positive trailing edge down;
 nz is 1 in level flight.
 
-They are named tuples, not dataclasses: immutable all the same, and a flight makes four of them at every tick.
+They are named tuples, not dataclasses: equally immutable and faster to create; a flight creates four at every tick.
 """
 
 from __future__ import annotations
@@ -13,38 +13,38 @@ from typing import NamedTuple
 
 
 class Fault(NamedTuple):
-    """What is wrong between the command to a surface and the deflection that acts, beside its effectiveness.
+    """Fault of an actuator or its surface, in addition to the effectiveness.
 
     Attributes:
-        stuck: the actuator stays where it is.
-        driven_to_rad: the actuator goes there, or to the stop before it, whatever is commanded; nan if it does as it is told.
-        floats: the surface has come off its actuator and trails in the stream; the position feedback, which is at the actuator, does not
-            show it.
-        bias_rad: deflection that acts beside the actuator's; the position feedback does not show it.
-        rate_share: share of the actuator's rate limit that is left.
+        stuck: the actuator stays at its position.
+        hardover_rad: the actuator runs to this position or to the stop before it, whatever the command; nan: it follows the command.
+        floats: the surface is detached from its actuator and floats in the airstream; the position feedback is at the actuator and
+            does not show this.
+        bias_rad: deflection that acts in addition to the actuator's position; absent from the position feedback.
+        rate_share: remaining share of the actuator's rate limit.
 
     """
 
     stuck: bool = False
-    driven_to_rad: float = nan
+    hardover_rad: float = nan
     floats: bool = False
     bias_rad: float = 0.0
     rate_share: float = 1.0
 
 
-SOUND = Fault()
+NO_FAULT = Fault()
 SURFACES = ("elevator", "aileron", "rudder")
 
 
 class Health(NamedTuple):
-    """What is left of the aircraft at a tick: the value that failures change. The default is the aircraft as built.
+    """Health of the aircraft at a tick, the value that failures change. The default is the aircraft as built.
 
     Attributes:
-        effectiveness: K, share of the elevator's pitching moment that still acts; scales M_delta.
-        elevator_force: share of the elevator's lift and drag that still acts; scales Z_delta.
-        cg_shift_cbar: how far the c.g. lies aft of where it was at take-off, mean chords.
-        aileron, rudder: share of all that the surface does that still acts.
-        faults: of the actuators of elevator, aileron and rudder.
+        effectiveness: K, remaining share of the elevator's pitching moment; scales M_delta.
+        elevator_force: remaining share of the elevator's lift and drag; scales Z_delta.
+        cg_shift_cbar: shift of the c.g. aft of its take-off position, mean chords.
+        aileron, rudder: remaining share of the moments and forces of the surface.
+        faults: faults of the actuators of elevator, aileron and rudder.
 
     """
 
@@ -53,22 +53,22 @@ class Health(NamedTuple):
     cg_shift_cbar: float = 0.0
     aileron: float = 1.0
     rudder: float = 1.0
-    faults: tuple[Fault, Fault, Fault] = (SOUND, SOUND, SOUND)
+    faults: tuple[Fault, Fault, Fault] = (NO_FAULT, NO_FAULT, NO_FAULT)
 
 
 HEALTHY = Health()
 
 
 class Truth(NamedTuple):
-    """What the plant knows. Goes to sensors and trace, never to a law or an estimator.
+    """True state of the plant. Available to sensors and trace, never to a law or an estimator.
 
     Attributes:
-        elevator_mean_rad: mean deflection that moved the aircraft over the control period that ends at this tick.
+        elevator_mean_rad: mean elevator deflection over the control period that ends at this tick.
         effectiveness, elevator_force, cg_shift_cbar: the Health from this tick on.
         gust_up_m_s: vertical speed of the air in the scenario's gusts, up positive; alpha and airspeed include it.
-        lift_n, drag_n, thrust_n: aerodynamic force up and aft, in wind axes, and of the engines along the fuselage; nan if the plant has
-            no forces.
-        elevator_offset_rad: deflection that acts beside effectiveness x elevator, of a surface that is biased or floats.
+        lift_n, drag_n, thrust_n: aerodynamic force up and aft in wind axes, and thrust of the engines along the fuselage; nan if the
+            plant computes no forces.
+        elevator_offset_rad: deflection that acts in addition to effectiveness x elevator, when the surface is biased or floats.
 
     """
 
@@ -96,12 +96,12 @@ class Truth(NamedTuple):
 
 
 class LateralTruth(NamedTuple):
-    """What the plant knows of roll and yaw, in a flight whose aileron and rudder are commanded.
+    """True state of roll and yaw, in a flight with commanded aileron and rudder.
 
     Attributes:
-        beta_rad: sideslip, positive when the air comes from the right.
+        beta_rad: sideslip, positive for airflow from the right.
         p_rad_s, r_rad_s: roll rate, right wing down positive; yaw rate, nose right positive.
-        aileron_rad, rudder_rad: positions of the actuators; the _mean_ over the control period that ends at this tick.
+        aileron_rad, rudder_rad: positions of the actuators; the ``_mean_`` fields are means over the control period that ends here.
         aileron_effectiveness, rudder_effectiveness, aileron_offset_rad, rudder_offset_rad: as for the elevator.
 
     """
@@ -120,7 +120,7 @@ class LateralTruth(NamedTuple):
 
 
 class LateralMeasurement(NamedTuple):
-    """What the flight computer knows of roll and yaw: fields as in LateralTruth, read."""
+    """Sensor readings of roll and yaw; fields as in LateralTruth."""
 
     beta_rad: float
     p_rad_s: float
@@ -145,14 +145,14 @@ class LateralSample(NamedTuple):
 
 
 class Measurement(NamedTuple):
-    """What the flight computer knows: the sensors' readings.
+    """The sensors' readings, the only measurements of the flight computer.
 
     Attributes:
         elevator_rad: surface position feedback at this tick.
-        elevator_mean_rad: the same transducer, averaged over the control period that ends at this tick.
-        mach, altitude_m: air data computer.
-        theta_rad, phi_rad: attitude reference.
-        nz_g: accelerometer at the c.g.; 1 in level flight.
+        elevator_mean_rad: reading of the same transducer, averaged over the control period that ends at this tick.
+        mach, altitude_m: from the air data computer.
+        theta_rad, phi_rad: from the attitude reference.
+        nz_g: from the accelerometer at the c.g.; 1 in level flight.
 
     """
 
@@ -168,24 +168,24 @@ class Measurement(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What an estimator says at a tick.
+    """Estimate at one tick.
 
     Attributes:
         effectiveness: K-hat after the bounds.
-        effectiveness_std: its standard deviation, from the filter's covariance.
-        effectiveness_smoothed: first-order smoothing of ``effectiveness``.
+        effectiveness_std: standard deviation of K-hat, from the filter's covariance.
+        effectiveness_smoothed: ``effectiveness`` after first-order smoothing.
         effectiveness_raw: K-hat before the bounds.
-        alpha_rad, q_rad_s: the state.
-        nis: normalized innovation squared; chi-square with as many degrees of freedom as measurements (2) if the model holds; nan where
-            there is no innovation.
-        alarms: how many changes of K have been declared so far; of an estimator that reconstructs, how often what no K explains.
-        innovation_alpha_rad, innovation_q_rad_s: readings less what the estimator had predicted of them, and their standard deviations
-            as it believes them; nan for an estimator that does not predict them, 0 at tick 0.
-        reconstructed_rad: what an unknown input is found to be; of an elevator the deflection that acts, K times position and all that is
-            beside it; of a gust the angle of attack that it adds. nan, as all that follows, for an estimator that reconstructs none.
-        reconstructed_std_rad: its standard deviation by the sensors' noise; how fast it follows is not in it.
-        offset_rad, offset_std_rad: deflection that acts beside K times position, and its standard deviation.
-        verdict: 0 if K explains what acts; 1 if what acts does not follow the position, 2 if it does not follow the command.
+        alpha_rad, q_rad_s: estimated state.
+        nis: normalized innovation squared; chi-square with one degree of freedom per measurement (2) if the model holds; nan without
+            innovation.
+        alarms: number of changes of K declared so far; for a reconstruction, number of deviations declared that no K explains.
+        innovation_alpha_rad, innovation_q_rad_s: readings minus their predictions; the ``_std`` fields hold their predicted standard
+            deviations. nan for an estimator that does not predict them, 0 at tick 0.
+        reconstructed_rad: reconstructed unknown input: of the elevator, the acting deflection, which is K times position plus any offset;
+            of a gust, the angle of attack that it adds. This field and the following ones are nan without a reconstruction.
+        reconstructed_std_rad: standard deviation of the reconstruction due to sensor noise; excludes its lag.
+        offset_rad, offset_std_rad: deflection that acts in addition to K times position, and its standard deviation.
+        verdict: 0: K explains the acting deflection; 1: it does not follow the position; 2: it does not follow the command.
 
     """
 
@@ -208,17 +208,17 @@ class Estimate(NamedTuple):
     verdict: float = nan
 
 
-NOTHING_RECONSTRUCTED = (nan,) * 5  # the last fields of an Estimate that reconstructs no input
+NOTHING_RECONSTRUCTED = (nan,) * 5  # last fields of an Estimate without reconstruction
 
 
 class LoadFactorSample(NamedTuple):
-    """Load factor at one control tick, in a flight that is commanded in g.
+    """Load factor at one control tick, in a flight commanded in g.
 
     Attributes:
-        nz_cmd_g, nz_ref_g: load factor that is asked for, and what the prefilter makes of it: the command plus what level flight has at
-            the attitude that is measured, cos theta cos phi.
-        throttle_norm: command to the engine; nan where the throttle stays.
-        model_a_0, model_a_1, model_b_0, model_b_1: what the law has identified, as ``Plid.parameters``; nan if nothing.
+        nz_cmd_g, nz_ref_g: commanded load factor, and the reference after the prefilter; both include the load factor of
+            unaccelerated flight at the measured attitude, cos theta cos phi.
+        throttle_norm: throttle command; nan without an autothrottle.
+        model_a_0, model_a_1, model_b_0, model_b_1: identified model, as ``Plid.parameters``; nan for a law without identification.
 
     """
 
@@ -232,9 +232,9 @@ class LoadFactorSample(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """All of one control tick, as the recorder sees it.
+    """All signals of one control tick, for the recorder.
 
-    ``lateral`` is there only in a flight whose aileron and rudder are commanded, ``load_factor`` only in one that is commanded in g.
+    ``lateral`` is None unless aileron and rudder are commanded, ``load_factor`` is None unless the flight is commanded in g.
     """
 
     tick: int

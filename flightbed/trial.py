@@ -16,7 +16,7 @@ from flightbed.control.design import design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.estimation.base import OnBoard
 from flightbed.failures.base import healthy
-from flightbed.failures.effector import weakened
+from flightbed.failures.effector import effectiveness_loss
 from flightbed.plant.linear import LinearPlant
 from flightbed.sensors import SensorNoise, Sensors
 from flightbed.signals import Measurement
@@ -45,7 +45,7 @@ def _readings(onboard: OnBoard, noise: SensorNoise, effectiveness: float, *, mov
         plant=LinearPlant(design, control_hz=hz, airspeed_m_s=252.8, mach=0.8, altitude_m=20000 * FT),
         sensors=Sensors(noise, ticks=_TICKS, seed=np.random.SeedSequence(0)),
         profile=profile(command, ticks=_TICKS, control_hz=hz, filter_rad_s=3.0),
-        health=weakened(healthy, to=effectiveness, at_tick=FAILS_AT),
+        health=effectiveness_loss(healthy, to=effectiveness, at_tick=FAILS_AT),
         law=Proportional(
             design_proportional(design),
             alpha_trim_rad=design.alpha_trim_rad,

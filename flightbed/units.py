@@ -1,7 +1,7 @@
-"""Factors into SI, and the unit that a name carries; imports nothing.
+"""Conversion factors into SI, and the unit in a name's suffix; imports nothing.
 
 Inside flightbed every quantity is in SI units and radians. A name in any other unit ends in that unit
-(``altitude_ft``, ``alpha_deg``), and values cross over by multiplication with one of these factors.
+(``altitude_ft``, ``alpha_deg``); multiplication by one of these factors converts its value to SI.
 """
 
 DEG = 0.017453292519943295  # rad

@@ -12,7 +12,7 @@ from flightbed.control.proportional import Proportional
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.failures.base import healthy
-from flightbed.failures.effector import weakened
+from flightbed.failures.effector import effectiveness_loss
 from flightbed.loop import Flight, fly
 from flightbed.plant.linear import LinearPlant
 from flightbed.sensors import SensorNoise, Sensors
@@ -42,7 +42,7 @@ def fly_linear(
         profile=profile(
             doublet(amplitude_rad_s=5 * DEG, period_s=4.5, count=3), ticks=ticks, control_hz=100, filter_rad_s=3.0
         ),
-        health=weakened(healthy, to=effectiveness, at_tick=at_tick),
+        health=effectiveness_loss(healthy, to=effectiveness, at_tick=at_tick),
         law=Proportional(
             design_proportional(design),
             alpha_trim_rad=design.alpha_trim_rad,

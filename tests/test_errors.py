@@ -1,4 +1,4 @@
-"""Errors as values: they go from one process to another and say the same there."""
+"""Errors keep their message and attributes between processes."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ from flightbed.estimation.base import OnBoard
 from flightbed.estimation.loop_gain import LoopGain
 from flightbed.extension import at_hand, check_named, load, named_by, permits, using
 from flightbed.factories import loop_gain_config
-from flightbed.failures.base import Failing
+from flightbed.failures.base import HealthHistory
 from flightbed.mission import run
 from flightbed.options import Options
 from flightbed.report import rerun_command
@@ -558,7 +558,7 @@ def test_a_nan_of_the_correcting_estimator_is_an_error() -> None:
 
 
 def test_a_failure_with_nan_is_an_error() -> None:
-    def nothing(settings: object, before: Failing, control_hz: int) -> Failing:
+    def nothing(settings: object, before: HealthHistory, control_hz: int) -> HealthHistory:
         return lambda tick: before(tick)._replace(effectiveness=float("nan")) if tick >= 20 else before(tick)
 
     keys = ["failures.0.kind=bad", "failures.0.at_s=0.2", "duration_s=0.5", "adaptation.enabled=false"]

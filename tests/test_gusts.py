@@ -1,4 +1,4 @@
-"""Gusts: the standard's shape, symmetric, adding up; calm air before and after."""
+"""Gusts: the shape of the standard, symmetry, superposition; calm air before and after."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def test_tables_are_the_linear_model_at_their_nodes(f16: Aircraft, mach: float, 
     level = dataclasses.replace(point, controls=point.controls._replace(elevator=0.0))
     A, B = linearize(airframe, level).part(STATES, INPUTS)
     found = _tabulated(turning, mach, altitude_ft)
-    # What is left is the step that both difference with, and that of the atmosphere on board.
+    # The residual is due to the finite-difference steps of both, and to the on-board atmosphere.
     np.testing.assert_allclose(found[0], A, rtol=1e-5)
     np.testing.assert_allclose(found[1], B, rtol=1e-5)
 
@@ -61,7 +61,7 @@ def test_tables_are_near_the_linear_model_everywhere(f16: Aircraft, mach: float,
     level = G0 / airframe.airspeed_m_s * np.cos(model.trim.theta_rad)
     assert turning.gravity == pytest.approx(
         level, rel=0.006
-    )  # gravity at the equator and aloft, and what curving takes of it
+    )  # gravity at the equator and at altitude, minus the effect of the curved path
 
 
 ROLLING = {
@@ -78,9 +78,9 @@ ROLLING = {
 
 
 def _errors(overrides: list[str], *, without: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return (ticks, 5) errors of one-step predictions and what changes in a step, both over the step: rates.
+    """Return (ticks, 5) errors of one-step predictions and changes over a step, both divided by the step: rates.
 
-    With ``without`` a state is told as 0 to what couples the axes.
+    ``without`` sets a state to 0 in the coupling of the axes.
     """
     planned = plan(load_scenario(ROLLING, overrides))
     assert planned.schedule is not None
@@ -93,12 +93,12 @@ def _errors(overrides: list[str], *, without: int | None = None) -> tuple[np.nda
         t, s, n, m = one.truth, one.lateral.truth, two.truth, two.lateral.truth
         x = np.array([t.alpha_rad, t.q_rad_s, s.beta_rad, s.p_rad_s, s.r_rad_s])
         y = np.array([n.alpha_rad, n.q_rad_s, m.beta_rad, m.p_rad_s, m.r_rad_s])
-        told = x.copy()
+        coupling_state = x.copy()
         if without is not None:
-            told[without] = 0.0
+            coupling_state[without] = 0.0
         surfaces_model.local_model(
             schedule, tables, work, 1.0, 0.01, n.elevator_mean_rad, t.alpha_rad, t.q_rad_s, t.mach, t.altitude_m, t.theta_rad,
-            t.phi_rad, *told[2:],
+            t.phi_rad, *coupling_state[2:],
         )  # fmt: skip
         u = np.array([n.elevator_mean_rad, m.aileron_mean_rad, m.rudder_mean_rad])
         errors.append(y - (work[:5, :5] @ x + work[:5, 5:8] @ u + work[:5, 8]))
@@ -121,14 +121,14 @@ def test_the_model_on_board_predicts_a_rolling_flight(condition: list[str]) -> N
 
 
 def test_in_pure_roll_it_predicts_roll_to_a_hundredth() -> None:
-    """No sideslip is asked for, and finer frames: what was named as the cause above is gone, and so is the error of p."""
+    """With zero sideslip command and finer frames the causes named above are absent, and so is the error of p."""
     finer = ["lateral.sideslip.kind=none", "rates.plant_hz=1000", "command.kind=none"]
     errors, changes = _errors(finer)
     assert _share(errors, changes)[3] < 0.005
 
 
 @pytest.mark.parametrize(("state", "suffers"), [(2, 0), (3, 0)])
-def test_what_the_axes_do_to_each_other_is_needed(state: int, suffers: int) -> None:
-    """Without p, or without beta, in what turns alpha by -p tan(beta), its prediction is far worse."""
+def test_the_coupling_of_the_axes_is_needed(state: int, suffers: int) -> None:
+    """Without p or beta in the term -p tan(beta) of alpha', the prediction of alpha is far worse."""
     full, lame = _share(*_errors([])), _share(*_errors([], without=state))
     assert lame[suffers] > 3.0 * full[suffers]

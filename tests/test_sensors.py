@@ -1,4 +1,4 @@
-"""Sensors: noise as strong as stated, from streams that do not disturb each other."""
+"""Sensors: noise of the stated standard deviation, from independent streams."""
 
 from __future__ import annotations
 

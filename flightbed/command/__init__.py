@@ -1,1 +1,1 @@
-"""Commands: what the pilot asks for."""
+"""The pilot's commands: one input shape per file."""

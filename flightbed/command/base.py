@@ -1,4 +1,4 @@
-"""What the pilot asks for: a pitch-rate command as a function of time, and the prefilter that makes it a reference."""
+"""The pilot's pitch-rate command as a function of time, and the prefilter that turns it into a reference."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 Vector = npt.NDArray[np.float64]
 
-ROUND_OFF_S = 1e-9  # t = k / hz can fall short of a switching time by round-off
+ROUND_OFF_S = 1e-9  # round-off can put t = k / hz just before a switching time
 
 
 class Command(Protocol):
@@ -28,10 +28,13 @@ class Profile(NamedTuple):
 
 
 def profile(command: Command, *, ticks: int, control_hz: int, filter_rad_s: float) -> Profile:
-    """Sample a command and pass it through the prefilter w/(s+w), discretized by zero-order hold (Sillence S 3.1).
+    """Sample a command and filter it with the prefilter w/(s+w), discretized by zero-order hold (Sillence S 3.1).
 
     Args:
-        filter_rad_s: bandwidth w of the prefilter; 0 leaves the command as it is.
+        command: the command over time.
+        ticks: number of samples.
+        control_hz: control rate.
+        filter_rad_s: bandwidth w of the prefilter; 0 passes the command unfiltered.
 
     """
     q_cmd = command(np.arange(ticks) / control_hz)
@@ -46,7 +49,7 @@ def profile(command: Command, *, ticks: int, control_hz: int, filter_rad_s: floa
 
 
 def energy(q_rad_s: Vector, *, control_hz: int) -> float:
-    """Return the integral of q^2 dt over a record that is held between ticks, rad^2/s."""
+    """Return the integral of q^2 dt, rad^2/s; the record is held between ticks."""
     return float(np.sum(np.square(q_rad_s))) / control_hz
 
 
@@ -60,5 +63,7 @@ def relative_peak_factor(q_rad_s: Vector) -> float:
         Klein and Morelli, Aircraft System Identification (2006), ch. 9; rms about zero, not about the mean.
     """
     if not np.any(q_rad_s):
-        raise ValueError("a relative peak factor needs a record that is not zero throughout")
+        raise ValueError(
+            "relative peak factor: the record is empty or zero throughout; give at least one value that is not zero"
+        )
     return float((np.max(q_rad_s) - np.min(q_rad_s)) / (2.0 * sqrt(2.0) * np.sqrt(np.mean(np.square(q_rad_s)))))

@@ -1,4 +1,4 @@
-"""Chirp: a sine that sweeps from one frequency to another."""
+"""Chirp: a sine whose frequency sweeps from one value to another."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from flightbed.command.base import ROUND_OFF_S, Command, Vector
 def chirp(
     *, amplitude_rad_s: float, low_hz: float, high_hz: float, period_s: float, count: int, start_s: float = 0.0
 ) -> Command:
-    """Sweep the frequency linearly from low_hz to high_hz in period_s, ``count`` times, then nothing.
+    """Sweep the frequency linearly from low_hz to high_hz in period_s, ``count`` times; zero before and after.
 
-    With tau the time since the start of the sweep, and phi the phase at which the sweep before it ended,
+    With tau the time since the start of the sweep and phi the final phase of the previous sweep,
 
         u = A sin(phi + 2 pi (low tau + (high - low) tau^2 / (2 period)))
 
-    so the phase begins at zero and never jumps; the frequency does, back to low_hz, between sweeps. The half cycle that does not come
-    to its end with the last sweep is left out: the command ends at zero, as it began.
+    The phase starts at zero and is continuous; the frequency jumps back to low_hz between sweeps. The last sweep stops after its last
+    complete half cycle, so the command starts and ends at zero.
     """
     sweep_cycles = 0.5 * (low_hz + high_hz) * period_s
-    half_cycles = floor(2.0 * count * sweep_cycles + 1e-9)  # whole ones
+    half_cycles = floor(2.0 * count * sweep_cycles + 1e-9)  # complete half cycles
 
     def command(t_s: Vector) -> Vector:
         since = t_s - start_s

@@ -1,4 +1,4 @@
-"""A constant command, and none at all."""
+"""A constant command, and the zero command."""
 
 from __future__ import annotations
 
@@ -17,5 +17,5 @@ def constant(*, amplitude_rad_s: float, start_s: float = 0.0) -> Command:
 
 
 def none() -> Command:
-    """Ask for nothing: straight and level flight."""
+    """Command zero pitch rate: straight and level flight."""
     return constant(amplitude_rad_s=0.0)

@@ -1,4 +1,4 @@
-"""Doublets: a pulse up, then the same pulse down."""
+"""Doublets: a pulse up, followed by an equal pulse down."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ from flightbed.command.pulses import pulses
 
 
 def doublet(*, amplitude_rad_s: float, period_s: float, count: int, start_s: float = 0.0) -> Command:
-    """Fly ``count`` doublets of +-amplitude, one after the other, then nothing (Sillence S 3.1)."""
+    """Fly ``count`` consecutive doublets of +-amplitude; zero before and after (Sillence S 3.1)."""
     return pulses((1, -1), amplitude_rad_s=amplitude_rad_s, period_s=period_s, count=count, start_s=start_s)

@@ -1,10 +1,10 @@
-"""Which harmonics of a period lie in a band; light, because every scenario that is read asks."""
+"""The harmonics of a period within a band; imports nothing heavy, because reading any scenario needs it."""
 
 from __future__ import annotations
 
 from math import ceil, floor
 
-MOST_HARMONICS = 100  # the search for their phases takes seconds there
+MOST_HARMONICS = 100  # the phase search takes seconds at this number
 
 
 def harmonics(*, low_hz: float, high_hz: float, period_s: float) -> range:

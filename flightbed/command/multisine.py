@@ -1,4 +1,4 @@
-"""Multisine: harmonics of equal power, with the phases that give the flattest signal."""
+"""Multisine: harmonics of equal power, phased for the smallest peak factor."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ import numpy.typing as npt
 from flightbed.command.base import ROUND_OFF_S, Command, Vector, relative_peak_factor
 from flightbed.command.harmonics import harmonics
 
-_CURVATURES = (1.0, 1.5, 2.0)  # of the starts: one ends in a poor minimum now and then
+_CURVATURES = (1.0, 1.5, 2.0)  # of the initial phases; a single start sometimes ends in a poor local minimum
 _NORMS = (4, 8, 16, 32, 64, 128, 256, 512)
 _COARSE, _FINE = (
     16,
     256,
-)  # samples per cycle of the highest harmonic: of the search, and of what is measured of its result
+)  # samples per cycle of the highest harmonic: during the search, and to evaluate its result
 
 
 def schroeder_phases(number: int, *, curvature: float = 1.0) -> Vector:
     """Return phases of cosines for a flat spectrum, (number,), rad: -pi c k (k + 1) / number, k from 0.
 
     Source:
-        Schroeder (1970), IEEE Trans. Information Theory 16, 85-89, with c = 1. Other curvatures c are starts of the search only.
+        Schroeder (1970), IEEE Trans. Information Theory 16, 85-89, with c = 1. Other curvatures c only start the search.
     """
     k = np.arange(number)
     return -pi * curvature * k * (k + 1) / number
 
 
 def flat_phases(numbers: Sequence[int]) -> Vector:
-    """Return phases of cosines that make the relative peak factor small, and the sum zero and rising at time 0.
+    """Return phases of cosines with a small relative peak factor; the sum crosses zero upwards at time 0.
 
-    Minimizes ||u - c||_p over the phases and the offset c, for p = 4, 8, ... 512, each from where the one before ended: for p to infinity
-    the norm is half of max u - min u, at constant rms. The search starts from Schroeder's phases and from two more curved sets, and the
-    best is kept; no start is random. Then time is shifted to a rising zero crossing.
+    Minimizes ||u - c||_p over the phases and the offset c, for p = 4, 8, ... 512, each starting from the previous minimum: as p goes to
+    infinity the norm tends to half of max u - min u, at constant rms. The search starts from Schroeder's phases and from two sets of
+    higher curvature, and the best result is kept; no start is random. Time is then shifted to a rising zero crossing.
 
     Args:
-        numbers: (n,) harmonics, rising.
+        numbers: (n,) harmonic numbers, ascending.
 
     Returns:
         (n,) rad.
@@ -65,7 +65,7 @@ def _flat_phases(numbers: tuple[int, ...]) -> Vector:
 
 
 def one_period(numbers: Sequence[int], phases: Vector, *, per_cycle: int = _FINE) -> Vector:
-    """Return one period of the sum of cosines of unit amplitude, finely sampled: at least per_cycle samples per cycle of the highest."""
+    """Return one period of the sum of unit cosines, at least ``per_cycle`` samples per cycle of the highest harmonic."""
     return _sampled(np.array(numbers), phases, _samples(numbers, per_cycle))
 
 
@@ -93,9 +93,9 @@ def _norm(x: Vector, n: npt.NDArray[np.int_], samples: int, p: int) -> tuple[flo
     """Return (mean of (u - c)^p)^(1/p), p even, and its gradient over the phases and c; x = (phases, c)."""
     v = _sampled(n, x[:-1], samples) - x[-1]
     peak = float(np.max(np.abs(v)))
-    v /= peak  # so that no power overflows
+    v /= peak  # prevents overflow of v**p
     mean = float(np.mean(v**p))
-    weight = v ** (p - 1) * mean ** (1.0 / p - 1.0) / samples  # of each sample in the gradient
+    weight = v ** (p - 1) * mean ** (1.0 / p - 1.0) / samples  # weight of each sample in the gradient
     by_phase = (np.exp(1j * x[:-1]) * np.conj(np.fft.rfft(weight)[n])).imag  # the sum of weight * sin(n t + phase)
     return peak * mean ** (1.0 / p), -np.append(by_phase, np.sum(weight))
 
@@ -103,18 +103,18 @@ def _norm(x: Vector, n: npt.NDArray[np.int_], samples: int, p: int) -> tuple[flo
 def multisine(
     *, amplitude_rad_s: float, low_hz: float, high_hz: float, period_s: float, count: float, start_s: float = 0.0
 ) -> Command:
-    """Fly ``count`` periods of the flattest sum of all harmonics of 1 / period_s in the band, then nothing; infinite is for ever.
+    """Fly ``count`` periods of a low-peak-factor sum of all harmonics of 1 / period_s in the band; zero before and after.
 
-    u = A / peak * sum over n of cos(2 pi n tau / period_s + phase_n), phases of `flat_phases`: all harmonics have the same power, the
-    mean is zero, and the command begins and ends at a zero crossing, without a jump.
+    u = A / peak * sum over n of cos(2 pi n tau / period_s + phase_n), with the phases of `flat_phases`: all harmonics have the same
+    power, the mean is zero, and the command starts and ends at a zero crossing, without a jump.
 
     Args:
-        amplitude_rad_s: largest abs(u), to 1e-4 of it: not the amplitude of one harmonic.
-        low_hz: lower end of the band; a harmonic on it belongs to it.
-        high_hz: upper end, likewise.
-        period_s: of the fundamental.
-        count: periods; ``math.inf`` for dither.
-        start_s: nothing is asked for before.
+        amplitude_rad_s: largest abs(u), with a relative error of 1e-4; not the amplitude of a single harmonic.
+        low_hz: lower end of the band, included.
+        high_hz: upper end of the band, included.
+        period_s: period of the fundamental.
+        count: number of periods; ``math.inf`` for dither.
+        start_s: start of the command.
 
     Raises:
         ValueError: the band has no harmonic.

@@ -1,4 +1,4 @@
-"""Pseudo-random binary sequence, of zero mean."""
+"""Pseudo-random binary sequence with zero mean."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from flightbed.command.pulses import pulses
 def inverse_repeat(register_bits: int) -> Vector:
     """Return the signs of one inverse-repeat sequence, (2 (2^n - 1),) of +1 and -1.
 
-    A maximum-length sequence of L = 2^n - 1 bits, twice, with every second bit of the whole turned over; so the second half is the
-    first upside down. The mean is exactly zero, where a plain maximum-length sequence leaves 1/L, which for a pitch rate adds up. The
-    spectrum has odd lines only, all equal but for the roll-off of held bits and a weak line L, and what even orders of the aircraft's
-    nonlinearity answer falls between them. A random telegraph has none of this for sure in one short record, which is all that a
-    flight has.
+    A maximum-length sequence of L = 2^n - 1 bits is repeated once and every second bit of the result inverted; the second half is
+    therefore the negative of the first. The mean is exactly zero; a plain maximum-length sequence has the mean 1/L, which a pitch rate
+    integrates. The spectrum has odd lines only, equal except for the roll-off of held bits and a weak line L; the aircraft's
+    even-order nonlinearities respond between these lines. A random telegraph signal guarantees none of this in one short record.
 
     Source:
-        Godfrey, Perturbation Signals for System Identification (1993), ch. 1; the feedback taps are scipy's.
+        Godfrey, Perturbation Signals for System Identification (1993), ch. 1; feedback taps from scipy.
     """
     from scipy.signal import max_len_seq  # slow to import
 
@@ -31,14 +30,16 @@ def inverse_repeat(register_bits: int) -> Vector:
 def prbs(
     *, amplitude_rad_s: float, switch_s: float, register_bits: int, seed: int, count: int, start_s: float = 0.0
 ) -> Command:
-    """Fly ``count`` inverse-repeat sequences of +-amplitude, then nothing; each lasts 2 (2^n - 1) switch_s.
+    """Fly ``count`` inverse-repeat sequences of +-amplitude; zero before and after. Each lasts 2 (2^n - 1) switch_s.
 
     Args:
         amplitude_rad_s: height of the pulses.
-        switch_s: the sign may change every switch_s.
+        switch_s: duration of one bit.
         register_bits: n, length of the shift register.
-        seed: bits by which the sequence is turned round; seeds that differ by less than 2 (2^n - 1) give different commands, each with the
-            same spectrum.
+        seed: cyclic shift of the sequence, bits; seeds that differ by less than 2 (2^n - 1) give different commands with the same
+            spectrum.
+        count: number of sequences.
+        start_s: start of the command.
 
     """
     signs = inverse_repeat(register_bits)

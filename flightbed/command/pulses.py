@@ -1,4 +1,4 @@
-"""Pulses of one height, up and down in a pattern: what doublet, 3-2-1-1 and the binary sequence have in common."""
+"""Pulses of equal height in a pattern of signs: the common part of doublet, 3-2-1-1 and binary sequence."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from flightbed.command.base import ROUND_OFF_S, Command, Vector
 def pulses(
     signs: npt.ArrayLike, *, amplitude_rad_s: float, period_s: float, count: float, start_s: float = 0.0
 ) -> Command:
-    """Fly a pattern of signs ``count`` times from ``start_s`` on, then nothing.
+    """Fly a pattern of signs ``count`` times from ``start_s`` on; zero before and after.
 
     Args:
-        signs: (n,) of +1 and -1, one for each n-th part of the period.
+        signs: (n,) of +1 and -1; each lasts period_s / n.
         amplitude_rad_s: height of the pulses.
-        period_s: length of the whole pattern.
+        period_s: duration of the whole pattern.
+        count: number of repetitions.
+        start_s: start of the command.
 
     """
     levels = amplitude_rad_s * np.asarray(signs, dtype=float)

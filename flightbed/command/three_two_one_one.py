@@ -9,12 +9,12 @@ SIGNS = (1, 1, 1, -1, -1, 1, -1)
 
 
 def three_two_one_one(*, amplitude_rad_s: float, period_s: float, count: int, start_s: float = 0.0) -> Command:
-    """Fly ``count`` sequences of 3 units up, 2 down, 1 up, 1 down, then nothing; a unit is period_s / 7.
+    """Fly ``count`` sequences of 3 units up, 2 down, 1 up, 1 down; zero before and after. A unit is period_s / 7.
 
-    Each sequence is one unit longer up than down and so asks for amplitude * period_s / 7 more of pitch attitude: the signal as it is
-    usually flown, not balanced by unequal heights.
+    Each sequence holds the positive sign one unit longer than the negative, so it raises the commanded pitch attitude by
+    amplitude * period_s / 7. This is the usual form of the signal; unequal heights would balance it.
 
     Source:
-        The DFVLR signal of Koehler and Wilhelm (1977), as in Jategaonkar, Flight Vehicle System Identification (2006), ch. 2.
+        The DFVLR signal of Koehler and Wilhelm (1977), as given by Jategaonkar, Flight Vehicle System Identification (2006), ch. 2.
     """
     return pulses(SIGNS, amplitude_rad_s=amplitude_rad_s, period_s=period_s, count=count, start_s=start_s)

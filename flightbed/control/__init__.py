@@ -1,1 +1,1 @@
-"""Control laws, their design, and adaptation."""
+"""Control laws, their design, and the correction for lost effectiveness."""

@@ -1,7 +1,7 @@
-"""State feedback with integral action on a model that is identified in flight: Kemp S 5.2, S 5.3 and the listings of CA and D.
+"""State feedback with integral action on a model identified in flight: Kemp S 5.2, S 5.3 and the listings of CA and D.
 
-u = -K x - K_e z, z the sum of the errors r - y. The gains place the poles of the model in observable-canonical form with z beside it, eqs
-(5.15)-(5.17), by ``placement.assign``: the same gains as Ackermann's formula, which the thesis uses, without its loss of digits.
+u = -K x - K_e z, where z is the sum of the errors r - y. ``placement.assign`` places the poles of the model in observable-canonical form
+augmented with z, eqs (5.15)-(5.17). Its gains equal those of Ackermann's formula, which the thesis uses, without the loss of digits.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ class AckermannConfig:
     """Settings of the law. Input and output in the caller's units.
 
     Attributes:
-        poles: n + 1 of the closed loop, in the z plane; complex ones with their conjugates.
-        first: gains (K, K_e) until a model gives others, n + 1; zeros and -0.01 in Kemp S 5.4.
-        signs: of each gain, -1, 0 or +1, 0 for any: gains with another sign are rejected. Empty for no such rule.
-        smallest_controllability: gains of a model that is nearer to an uncontrollable one, as ``placement.assign`` measures it, are
-            rejected; the listing rejects only what is singular to the last bit.
-        patience: after so many models in a row that were rejected the first gains are taken again; 0 never, as the listing. Gains that
-            a poor model gave can be kept for good: they make the loop diverge along one motion, from which no better model is told.
-        kept: share of the gains before that is kept when gains are taken, 0 to below 1, but for the first that are: a low pass against
-            the flutter of Kemp S 6.3. 0, the listing, takes them at once.
+        poles: n + 1 closed-loop poles in the z plane; complex poles with their conjugates.
+        first: (n + 1,) initial gains (K, K_e), used until a model is accepted; zeros and -0.01 in Kemp S 5.4.
+        signs: required sign of each gain, -1 or +1; 0 allows both. Gains of a wrong sign are rejected. Empty: no check.
+        smallest_controllability: smallest accepted distance of the model from an uncontrollable one, as ``placement.assign`` measures
+            it; the listing rejects exactly singular models only.
+        patience: number of consecutive rejected models after which the initial gains are restored; 0: never, as in the listing.
+            Without it the gains of a poor model can persist: the loop diverges along one motion, which cannot identify a better model.
+        kept: share of the previous gains in a first-order filter of the gains, in [0, 1), against the flutter of Kemp S 6.3; the first
+            accepted gains are not filtered. 0, as in the listing: no filter.
 
     """
 
@@ -47,16 +47,16 @@ class AckermannConfig:
     def __post_init__(self) -> None:
         if len(self.first) != len(self.poles) or len(self.signs) not in (0, len(self.poles)):
             raise ValueError(
-                f"{len(self.poles)} poles need as many first gains and signs (got {len(self.first)} and {len(self.signs)})"
+                f"first and signs must have one value for each of the {len(self.poles)} poles (got {len(self.first)} and {len(self.signs)})"
             )
         if any(sign not in (-1, 0, 1) for sign in self.signs):
-            raise ValueError(f"signs are -1, 0 or +1 (got {self.signs})")
+            raise ValueError(f"signs must be -1, 0 or +1 (got {self.signs})")
         if any(sign * gain < 0.0 for sign, gain in zip(self.signs, self.first, strict=False)):
-            raise ValueError("the first gains do not have the signs that are asked for")
-        if not placement.paired(np.array(self.poles, dtype=np.complex128)):
+            raise ValueError(f"first: the gains must have the required signs {self.signs} (got {self.first})")
+        if not placement.has_conjugate_pairs(np.array(self.poles, dtype=np.complex128)):
             raise ValueError("complex poles must come in conjugate pairs")
         if not self.smallest_controllability > 0.0:
-            raise ValueError("smallest_controllability must be above 0: at 0 nothing can be divided by")
+            raise ValueError(f"smallest_controllability must be above 0 (got {self.smallest_controllability:g})")
         if not 0.0 <= self.kept < 1.0:
             raise ValueError(f"kept must be at least 0 and below 1 (got {self.kept:g})")
         if self.patience < 0:
@@ -64,8 +64,11 @@ class AckermannConfig:
 
 
 @compiled
-def augmented(theta: Array, A: Array, b: Array) -> None:
-    """Write the matrices of (x, z), Kemp eq (5.15): A (n+1, n+1), b (n+1,); theta (2n,) as ``Plid.parameters``, no feedthrough."""
+def augment(theta: Array, A: Array, b: Array) -> None:
+    """Write A (n+1, n+1) and b (n+1,) of the augmented state (x, z), Kemp eq (5.15).
+
+    ``theta`` (2n,) is ``Plid.parameters`` without feedthrough.
+    """
     n = b.shape[0] - 1
     A[:] = 0.0
     for i in range(n):
@@ -78,13 +81,13 @@ def augmented(theta: Array, A: Array, b: Array) -> None:
 
 @compiled
 def _design(theta: Array, poles: placement.Poles, signs: Array, least: float, kept: float, gains: Array) -> bool:
-    """Take the gains of a model, if it is controllable and their signs are allowed; tell whether they were taken.
+    """Compute the gains of a model; accept them if the model is controllable and their signs are allowed.
 
-    ``kept`` is the share of those before that stays.
+    ``kept`` is the share of the previous gains in the new ones. Returns whether the gains were accepted.
     """
     size = gains.shape[0]
     A, b, k = np.empty((size, size)), np.empty(size), np.empty(size)
-    augmented(theta, A, b)
+    augment(theta, A, b)
     if not _assign(A, b, poles, k) >= least:
         return False
     for i in range(size):
@@ -96,7 +99,7 @@ def _design(theta: Array, poles: placement.Poles, signs: Array, least: float, ke
 
 
 class IntegralPlacement:
-    """The law at work; owns its gains and z."""
+    """The law; owns its gains and the integral z."""
 
     def __init__(self, config: AckermannConfig) -> None:
         size = len(config.poles)
@@ -104,7 +107,7 @@ class IntegralPlacement:
         self._poles = np.array(config.poles, dtype=np.complex128)
         self._signs = np.array(config.signs or (0,) * size, dtype=np.float64)
         self._gains = np.array(config.first, dtype=np.float64)
-        self.integral, self.rejected = 0.0, 0
+        self.integral = 0.0
         self._rejected_in_a_row, self._designed = 0, False
 
     @property
@@ -113,7 +116,7 @@ class IntegralPlacement:
         return self._gains.copy()
 
     def design(self, theta: Array) -> bool:
-        """Take the gains of a model; returns whether they were taken, or those from before are kept.
+        """Design the gains for a model; return whether they were accepted. If not, the previous gains stay.
 
         Args:
             theta: (2n,) a_0 .. a_(n-1), b_0 .. b_(n-1), as ``Plid.parameters``.
@@ -122,27 +125,33 @@ class IntegralPlacement:
         kept, least = self.config.kept if self._designed else 0.0, self.config.smallest_controllability
         taken = bool(_design(theta, self._poles, self._signs, least, kept, self._gains))
         self._designed |= taken
-        self.rejected += not taken
         self._rejected_in_a_row = 0 if taken else self._rejected_in_a_row + 1
         if self._rejected_in_a_row == self.config.patience > 0:
             self._gains[:] = self.config.first
         return taken
 
     def settle(self, x: Array, u: float) -> None:
-        """Set z so that the law asks for u at the state x: a start without a bump (listing of D). K_e must not be 0."""
+        """Set z so that the law demands u at the state x: bumpless start (listing of D).
+
+        Raises:
+            ValueError: K_e is 0.
+
+        """
         if self._gains[-1] == 0.0:
-            raise ValueError("without an integral gain there is no integral that asks for a given input")
+            raise ValueError(
+                "settle: the integral gain is 0, so no integral gives a demanded input; set an integral gain in first"
+            )
         self.integral = -(u + float(self._gains[:-1] @ x)) / float(self._gains[-1])
 
     def demand(self, x: Array, error: float, limits: tuple[float, float] = _UNLIMITED) -> float:
-        """Return the input of this sample, and integrate the error for the next.
+        """Return the input of this sample and integrate the error for the next one.
 
-        At a limit an error that would push further beyond it is not integrated (listing of D).
+        At a limit, an error that would drive the input further beyond it is not integrated (anti-windup, listing of D).
 
         Args:
             x: (n,) state, in observable-canonical form.
-            error: r - y; with Kemp's filtered feedback r - x_n.
-            limits: of the input.
+            error: r - y; r - x_n with Kemp's filtered feedback.
+            limits: lower and upper limit of the input.
 
         """
         low, high = limits

@@ -10,12 +10,13 @@ from flightbed.signals import Measurement
 
 @dataclass(frozen=True)
 class Autothrottle:
-    """The engine at one of two settings, by whether the aircraft is too slow.
+    """Two throttle settings: the high one below the target airspeed, the low one above.
 
     Attributes:
-        low_norm, high_norm: the settings; the listing has 0.25 and 1 of its engine.
-        airspeed_m_s: true airspeed that is held, by air data.
-        then_m_s: the same from the tick ``from_tick`` on.
+        low_norm, high_norm: the throttle settings; 0.25 and 1 in the listing, for its engine.
+        airspeed_m_s: target true airspeed; the measured one comes from air data.
+        then_m_s: target from the tick ``from_tick`` on.
+        from_tick: first tick of ``then_m_s``.
 
     """
 
@@ -26,7 +27,7 @@ class Autothrottle:
     from_tick: int
 
     def throttle(self, measurement: Measurement, tick: int) -> float:
-        """Return the command to the engine, 0 to 1."""
+        """Return the throttle command, 0 to 1."""
         wanted = self.then_m_s if tick >= self.from_tick else self.airspeed_m_s
         airspeed = measurement.mach * standard_air(measurement.altitude_m).sound_m_s
         return self.high_norm if airspeed < wanted else self.low_norm

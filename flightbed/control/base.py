@@ -1,4 +1,4 @@
-"""Control laws: reference and measurement -> the elevator deflection that should act."""
+"""Control laws: reference and measurement -> demanded effective elevator deflection."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from flightbed.signals import Measurement
 
 
 class Law(Protocol):
-    """A control law. Its demand is the *effective* deflection, trim included; Adaptation makes a command of it."""
+    """A control law. Its demand is the *effective* deflection, trim included; Adaptation converts it into a command."""
 
     def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:
-        """Return the deflection that should act, rad.
+        """Return the demanded effective deflection, rad.
 
         Args:
             measurement: the sensors' readings.
-            q_ref_rad_s: reference.
-            elevator_rad: deflection to feed back, absolute.
-            hold: the last command was cut at the stops: do not integrate further.
+            q_ref_rad_s: pitch-rate reference.
+            elevator_rad: absolute deflection to feed back.
+            hold: the last command was limited by the stops: stop integrating.
 
         """
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains that are summed: delta = reference r + alpha (a - a_trim) + q q + elevator (d - d_trim) + integral I(r - q).
+    """Gains of the sum delta = reference r + alpha (a - a_trim) + q q + elevator (d - d_trim) + integral I(r - q).
 
-    These are the signs that give the tables of Sillence (1999); his text prints several of them the other way.
+    The signs are those that reproduce the tables of Sillence (1999); his text prints several of them reversed.
     """
 
     alpha: float

@@ -22,10 +22,10 @@ _PITCH_RATE = np.array([0.0, 1.0, 0.0])
 
 
 def default_poles(design: ShortPeriod) -> tuple[complex, ...]:
-    """Return closed-loop poles near those of Sillence's Table 3, scaled so that the actuator is not the limit.
+    """Return closed-loop poles near those of Sillence's Table 3, scaled to leave the actuator a margin.
 
-    The slow pole stays; the fast pair keeps its damping ratio (0.68) at 0.6 of the actuator's bandwidth, where the thesis
-    has it at 1.06. The margin is needed after a failure: the correction 1/K multiplies all that the actuator is asked for.
+    The slow pole stays; the fast pair keeps its damping ratio (0.68) but moves to 0.6 of the actuator's bandwidth; in the thesis it
+    lies at 1.06. The margin is needed after a failure, because the correction 1/K multiplies every command to the actuator.
     """
     fast = _THESIS_FAST_POLE * (_FAST_TO_ACTUATOR * design.actuator_rad_s / abs(_THESIS_FAST_POLE))
     return complex(_THESIS_SLOW_POLE), fast, fast.conjugate()
@@ -34,7 +34,9 @@ def default_poles(design: ShortPeriod) -> tuple[complex, ...]:
 def design_proportional(design: ShortPeriod, poles: Sequence[complex] | None = None) -> Gains:
     """Place the poles of (alpha, q, elevator); the reference gain gives unit DC gain from r to q (Sillence S 3.2).
 
-    Raises DesignError when the model does not admit it.
+    Raises:
+        DesignError: the poles cannot be placed, or no reference gain exists.
+
     """
     A, b = design.with_actuator()
     k = _place(A, b, tuple(poles) if poles is not None else default_poles(design))
@@ -44,7 +46,7 @@ def design_proportional(design: ShortPeriod, poles: Sequence[complex] | None = N
 def design_integral(
     design: ShortPeriod, poles: Sequence[complex] | None = None, *, integral_pole: float = -0.5
 ) -> Gains:
-    """Place the poles of (alpha, q, elevator, integral of r - q) (Sillence S 3.3), the reference gain as for P."""
+    """Place the poles of (alpha, q, elevator, integral of r - q) (Sillence S 3.3); the reference gain is that of the P law."""
     A3, b3 = design.with_actuator()
     A, b = _with_integrator(A3, b3)
     k = _place(A, b, (*(poles if poles is not None else default_poles(design)), complex(integral_pole)))
@@ -52,7 +54,7 @@ def design_integral(
 
 
 def reference_gain(design: ShortPeriod, feedback: Sequence[float]) -> float:
-    """Return K_r = -1 / (c A_cl^-1 b): unit DC gain from reference to pitch rate (Sillence S 3.2, which drops the minus)."""
+    """Return K_r = -1 / (c A_cl^-1 b), which gives unit DC gain from reference to pitch rate (Sillence S 3.2 omits the minus)."""
     A, b = design.with_actuator()
     dc = float(_PITCH_RATE @ np.linalg.solve(A + np.outer(b, feedback), b))
     if abs(dc) < 1e-9:
@@ -61,11 +63,11 @@ def reference_gain(design: ShortPeriod, feedback: Sequence[float]) -> float:
 
 
 def closed_loop(design: ShortPeriod, gains: Gains, *, effectiveness: float = 1.0, correction: float = 1.0) -> Matrix:
-    """Return the closed-loop matrix of (alpha, q, elevator[, integral]); the last only with an integral gain.
+    """Return the closed-loop matrix of (alpha, q, elevator[, integral]); the integral is a state only if its gain is not 0.
 
     Args:
         effectiveness: K of the plant.
-        correction: factor on the summed command, before the actuator.
+        correction: factor on the summed command at the actuator's input.
 
     """
     A, b = design.with_actuator(effectiveness)
@@ -77,9 +79,9 @@ def closed_loop(design: ShortPeriod, gains: Gains, *, effectiveness: float = 1.0
 
 
 def peak_deflection(design: ShortPeriod, gains: Gains, filter_rad_s: float) -> float:
-    """Return the largest deflection from trim that acts after a step of the command, healthy, rad per rad/s; over 5 s at 200 Hz.
+    """Return the largest effective deflection from trim after a step of the command, rad per rad/s, of the healthy aircraft.
 
-    The step passes the prefilter, as it does in flight.
+    The step passes through the prefilter, as in flight. Simulated for 5 s at 200 Hz.
     """
     A = closed_loop(design, gains)
     b = np.zeros(len(A))
@@ -104,7 +106,7 @@ def _with_integrator(A: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:
 
 
 def _place(A: Matrix, b: Matrix, poles: tuple[complex, ...]) -> list[float]:
-    """Return the gains k, added to the input, that put the eigenvalues of A + b k at the poles."""
+    """Return the gains k for which the eigenvalues of A + b k are the poles."""
     wanted = ", ".join(f"{p.real:.4g}{p.imag:+.4g}j" if p.imag else f"{p.real:.4g}" for p in poles)
     try:
         return [-float(gain) for gain in placement.gains(A, b, poles)]

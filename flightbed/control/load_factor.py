@@ -1,7 +1,8 @@
-"""Laws of load factor: what they are asked for, the models that they are designed on, and gains scheduled over dynamic pressure.
+"""Load-factor laws: interface, design models, and gains scheduled over dynamic pressure.
 
-The command is an increment over level flight, a_n = nz - cos theta cos phi, up positive: Kemp (1987), eq (6.1), whose a_n is positive
-down. What an accelerometer reads holds gravity; attitude takes it out, so that no command is a straight line whatever its slope.
+The command is an increment over unaccelerated flight, a_n = nz - cos theta cos phi, up positive; a_n of Kemp (1987), eq (6.1), is positive
+down. The accelerometer's reading contains gravity; the attitude terms remove it, so that a zero command is a straight flight path of any
+slope.
 """
 
 from __future__ import annotations
@@ -25,21 +26,21 @@ POLES = (complex(-4.0, 2.0), complex(-4.0, -2.0), complex(-10.0))  # rad/s, Kemp
 
 
 class LoadFactorLaw(Protocol):
-    """A law that is commanded in g; its demand is the *effective* deflection, trim included, as a ``base.Law``'s."""
+    """A law commanded in g; its demand is the *effective* deflection, trim included, as for ``base.Law``."""
 
     def demand(self, measurement: Measurement, *, increment_ref_g: float, hold: bool) -> float:
-        """Return the deflection that should act, rad.
+        """Return the demanded effective deflection, rad.
 
         Args:
             measurement: the sensors' readings.
             increment_ref_g: reference of a_n, up positive.
-            hold: the last command was cut at the stops: do not integrate further.
+            hold: the last command was limited by the stops: stop integrating.
 
         """
 
     @property
     def model(self) -> tuple[float, float, float, float]:
-        """What has been identified: a_0, a_1, b_0, b_1 as ``Plid.parameters``; nan of a law that identifies nothing."""
+        """Identified a_0, a_1, b_0, b_1, as ``Plid.parameters``; nan for a law without identification."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +48,12 @@ class PitchPoint:
     """Short period and load factor at a trim point, in deviations: x' = A x + b u, a_n = c x + d u, x = (alpha, q). SI, radians, g.
 
     Attributes:
-        dynamic_pressure_pa: where.
+        dynamic_pressure_pa: dynamic pressure of the trim point.
         A: (2, 2).
         b: (2,), per rad of elevator.
         c: (2,), g per rad and per rad/s.
         d: g per rad of elevator.
-        level: whether the aircraft flies level there; else it is a push-over, whose gains nobody should fly with.
+        level: whether the trim is level flight; otherwise it is a push-over, whose gains must not be flown.
 
     """
 
@@ -66,10 +67,10 @@ class PitchPoint:
 
 @dataclass(frozen=True, eq=False)
 class GainTable:
-    """Gains over dynamic pressure, held beyond its ends: u = alpha a + q q + error (r - a_n) + integral I(r - a_n).
+    """Gains over dynamic pressure, constant beyond its ends: u = alpha a + q q + error (r - a_n) + integral I(r - a_n).
 
     Attributes:
-        dynamic_pressure_pa: (N,) rising.
+        dynamic_pressure_pa: (N,) ascending.
         gains: (N, 4), alpha, q, error, integral; 1, s, rad/g, rad/(g s).
 
     """
@@ -78,7 +79,7 @@ class GainTable:
     gains: Array
 
     def at(self, dynamic_pressure_pa: float) -> tuple[float, float, float, float]:
-        """Return the gains, linear between the points."""
+        """Return the gains (alpha, q, error, integral), interpolated linearly between the points."""
         nodes, p = self.dynamic_pressure_pa, dynamic_pressure_pa
         i = min(max(int(np.searchsorted(nodes, p)), 1), len(nodes) - 1)
         share = min(max((p - float(nodes[i - 1])) / float(nodes[i] - nodes[i - 1]), 0.0), 1.0)
@@ -89,14 +90,14 @@ class GainTable:
 
 @dataclass(frozen=True, eq=False)
 class LoadFactorDesign:
-    """What laws of load factor are made of.
+    """Design data of load-factor laws.
 
     Attributes:
-        points: over dynamic pressure, rising.
-        here: at the start.
+        points: trim points in ascending order of dynamic pressure.
+        here: trim point at the start of the flight.
         actuator_rad_s: bandwidth of the first-order actuator.
-        stops_rad: of the elevator.
-        elevator_trim_rad: at the start.
+        stops_rad: lower and upper stop of the elevator.
+        elevator_trim_rad: elevator deflection at the start of the flight.
 
     """
 
@@ -108,7 +109,7 @@ class LoadFactorDesign:
 
 
 def increment_g(measurement: Measurement) -> float:
-    """Return a_n as it is measured, up positive, g."""
+    """Return the measured a_n, up positive, g."""
     return measurement.nz_g - level_g(measurement)
 
 
@@ -118,20 +119,21 @@ def level_g(measurement: Measurement) -> float:
 
 
 def dynamic_pressure_pa(measurement: Measurement) -> float:
-    """Return 0.7 p M^2 by the air data."""
+    """Return the dynamic pressure 0.7 p M^2 from air data, Pa."""
     return 0.7 * standard_air(measurement.altitude_m).pressure_pa * measurement.mach**2
 
 
 def design_gains(point: PitchPoint, poles: Sequence[complex] = POLES) -> tuple[float, float, float, float]:
-    """Place the poles of (alpha, q, integral of the error): the feedbacks of Kemp S 6.1.
+    """Place the poles of (alpha, q, integral of the error), the feedback of Kemp S 6.1. Returns (alpha, q, error, integral).
 
-    That u also feeds the error itself is free: its gain puts the zero of the reference on the fastest pole, so that the others answer.
+    The gain of the error itself is a free parameter: it places the zero of the reference on the fastest pole, so that the other two
+    poles determine the response.
 
-    Left out are the actuator and what the elevator's own lift does through the error's gain, error d u, which is a loop within a tick:
-    solving for it as well asks for gains that use up the elevator's rate. ``closed_loop_poles`` has the poles with both.
+    The design neglects the actuator and the elevator's own lift in the error feedback, error d u, an algebraic loop within a tick:
+    gains that account for this loop demand the elevator's full rate. ``closed_loop_poles`` returns the poles with both effects.
 
     Raises:
-        DesignError: the model does not admit it, or there are not three poles.
+        DesignError: the poles cannot be placed, or their number is not three.
 
     """
     A, b = np.zeros((3, 3)), np.append(point.b, -point.d)
@@ -150,7 +152,7 @@ def design_gains(point: PitchPoint, poles: Sequence[complex] = POLES) -> tuple[f
 def closed_loop_poles(
     point: PitchPoint, gains: tuple[float, float, float, float], *, actuator_rad_s: float
 ) -> npt.NDArray[np.complex128]:
-    """Return the poles of (alpha, q, actuator, integral) with these gains, the elevator's lift in what is fed back; rad/s, (4,)."""
+    """Return the poles of (alpha, q, actuator, integral) with these gains, rad/s, (4,); a_n includes the elevator's own lift."""
     alpha, q, error, integral = gains
     A = np.zeros((4, 4))
     A[:2, :2], A[:2, 2] = point.A, point.b
@@ -162,7 +164,12 @@ def closed_loop_poles(
 
 
 def gain_table(points: Sequence[PitchPoint], poles: Sequence[complex] = POLES) -> GainTable:
-    """Design at every point at which the aircraft flies level; beyond the last of them its gains are held. Raises DesignError."""
+    """Design gains at every level trim point; beyond the first and last of these points the gains are constant.
+
+    Raises:
+        DesignError: the poles cannot be placed at one of the points.
+
+    """
     points = [point for point in points if point.level]
     return GainTable(
         np.array([point.dynamic_pressure_pa for point in points]), np.array([design_gains(p, poles) for p in points])
@@ -174,12 +181,12 @@ def second_order(
 ) -> tuple[float, float, float, float]:
     """Return a_0, a_1, b_0, b_1 of the second-order model from the input of the inner loop, u - G q, to -a_n at the control rate.
 
-    Least squares on the impulse response from the second sample on, with b_1 = 0. The first sample's answer is that of the tail's
-    own lift, whose sign is a known defect of the F-16's file, and of half a period's delay: a model that has it has a zero beside its
-    poles, and gains designed on it are large. The tail's lift is left out, and so is the force Z_delta.
+    Least squares on the impulse response from the second sample on, with b_1 = 0. The first sample of the response contains the
+    tail's own lift, whose sign is a known defect of the F-16 file, and half a period of delay: a model that includes it has a zero
+    near its poles, and gains designed on it are large. The model neglects the tail's lift and the force Z_delta.
 
     Args:
-        point: the model.
+        point: short period and load factor at the trim point.
         pitch_rate_gain: G of the inner loop, elevator = u + G q, s.
         actuator_rad_s: bandwidth of the actuator.
         hz: control rate.

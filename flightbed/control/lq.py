@@ -1,9 +1,9 @@
-"""Discrete linear-quadratic regulator and servo, redesigned for the effectiveness that the inputs have left (Wu and others 2000, S 4).
+"""Discrete linear-quadratic regulator and servo, redesigned for the remaining effectiveness of the inputs (Wu and others 2000, S 4).
 
-The regulator is the steady-state solution for x+ = A x + B (I + Gamma) u, W eqs (47)-(49), with Gamma = diag(gamma) as estimated; the
-servo has the sum of the tracking error as further states (Kwakernaak and Sivan 1972, S 6.4). W is N. E. Wu, Y. Zhang, K. Zhou, Int. J.
-Adaptive Control and Signal Processing 14 (2000) 775. New gains would make the inputs step; ``LqServo`` moves that step into the
-integrators where it can, and lets the rest fade, which is ours.
+The regulator is the steady-state solution for x+ = A x + B (I + Gamma) u, W eqs (47)-(49), with the estimated Gamma = diag(gamma); the
+servo adds the sum of the tracking error as states (Kwakernaak and Sivan 1972, S 6.4). W is N. E. Wu, Y. Zhang, K. Zhou, Int. J.
+Adaptive Control and Signal Processing 14 (2000) 775. A change of gains steps the inputs; ``LqServo`` absorbs this step in the integrators
+as far as possible and lets the rest decay. This bumpless transfer is an addition to W.
 """
 
 from __future__ import annotations
@@ -43,40 +43,44 @@ def lq_gain(A: Array, B: Array, Q: Array, R: Array) -> Array:
     radius = spectral_radius(A - B @ F)
     if not radius < 1.0:
         raise DesignError(
-            f"LQ design: the loop would not be stable (spectral radius {radius:.6g}); weight every unstable state"
+            f"LQ design: the closed loop is not stable (got spectral radius {radius:.6g}); give every unstable state a weight"
         )
     return F
 
 
 def spectral_radius(M: Array) -> float:
-    """Return the largest magnitude of an eigenvalue; below 1 if x+ = M x is stable."""
+    """Return the largest modulus of the eigenvalues; x+ = M x is stable if it is below 1."""
     return float(np.max(np.abs(np.linalg.eigvals(M))))
 
 
 def redesign(A: Array, B: Array, Q: Array, R: Array, effectiveness: Array) -> Array:
-    """Return F for inputs of which so much is left: W eqs (47)-(49), weights unchanged.
+    """Return F for inputs with this effectiveness: W eqs (47)-(49), weights unchanged.
 
     Args:
         A, B, Q, R: as in ``lq_gain``; B of the healthy inputs. With weights Q_c on outputs y = C x, Q = C' Q_c C.
         effectiveness: (l,), K = 1 + gamma, not negative.
 
     Raises:
-        DesignError: the inputs that are left do not stabilize the system, or an effectiveness is negative.
+        DesignError: the remaining inputs do not stabilize the system, or an effectiveness is negative.
 
     """
     return lq_gain(A, B * _left(effectiveness), Q, R)
 
 
 def offset_weights(R: Array, effectiveness: Array) -> Array:
-    """Return the weight of the inputs that offsets a loss, (I + Gamma) R (I + Gamma): W's remark after eq (49), made definite.
+    """Return the input weight that offsets a loss, (I + Gamma) R (I + Gamma): W's remark after eq (49), made explicit.
 
-    What an input does then costs what it did before: the redesigned F is (I + Gamma)^-1 times the healthy one, and the loop that of the
-    healthy system as long as no input saturates. Raises DesignError for an input without any effect.
+    The cost of an effect then equals its cost on the healthy system: the redesigned F is (I + Gamma)^-1 times the healthy F, and the
+    closed loop is that of the healthy system as long as no input saturates.
+
+    Raises:
+        DesignError: an effectiveness is not positive.
+
     """
     left = _left(effectiveness)
     if np.min(left) <= 0.0:
         raise DesignError(
-            f"LQ design: no weight offsets the loss of an input altogether (effectiveness {left.tolist()})"
+            f"LQ design: no weight offsets the total loss of an input (got effectiveness {left.tolist()}); keep all above 0"
         )
     return R * np.outer(left, left)
 
@@ -89,7 +93,7 @@ def _left(effectiveness: Array) -> Array:
 
 
 def with_integrators(A: Array, B: Array, tracked: Array) -> tuple[Array, Array]:
-    """Return A and B of (x, z) with z+ = z - H x, H (p, n) the outputs that have to follow a reference."""
+    """Return A and B of (x, z) with z+ = z - H x, where H (p, n) are the outputs that track a reference."""
     (n, inputs), p = B.shape, len(tracked)
     return np.block([[A, np.zeros((n, p))], [-tracked, np.eye(p)]]), np.vstack([B, np.zeros((p, inputs))])
 
@@ -101,9 +105,9 @@ class LqConfig:
     Attributes:
         A, B: (n, n) and (n, l), of the healthy system over a sample.
         Q, R: weights of state and inputs, (n, n) and (l, l).
-        tracked: (p, n), outputs that follow a reference by integral action; (0, n) makes a regulator.
+        tracked: (p, n), outputs that track a reference by integral action; (0, n) for a regulator.
         Q_integral: (p, p), weight of the summed tracking errors.
-        fade: in [0, 1): what of the step that new gains make of u, and integrators cannot take, is left from a sample to the next.
+        fade: factor per sample, in [0, 1), by which the part of a redesign's step that the integrators cannot absorb decays.
 
     """
 
@@ -126,12 +130,12 @@ class LqConfig:
 
 
 def regulator(A: Array, B: Array, Q: Array, R: Array, *, fade: float = 0.0) -> LqConfig:
-    """Return the configuration of a law without integral action; arguments as of ``LqConfig``."""
+    """Return the configuration of a law without integral action; arguments as in ``LqConfig``."""
     return LqConfig(A, B, Q, R, np.zeros((0, len(A))), np.zeros((0, 0)), fade)
 
 
 class LqServo:
-    """u = -F x - F_z z + v + what is left of the steps of redesigns; z+ = z + r - H x.
+    """u = -F x - F_z z + v + decaying steps of past redesigns; z+ = z + r - H x.
 
     Args:
         config: model and weights.
@@ -150,18 +154,18 @@ class LqServo:
 
     @property
     def gain(self) -> Array:
-        """The gain [F, F_z] (l, n + p) from the next command on."""
+        """Gain [F, F_z] (l, n + p) of the next command."""
         return self._next
 
     def redesign(self, effectiveness: Array, *, R: Array | None = None) -> None:
-        """Design the law anew, from the next command on.
+        """Redesign the law for the next command.
 
         Args:
-            effectiveness: (l,), K of every input as estimated.
-            R: weight of the inputs, as of ``offset_weights``; the configured one if None.
+            effectiveness: (l,), estimated K of every input.
+            R: weight of the inputs, as from ``offset_weights``; the configured one if None.
 
         Raises:
-            DesignError: no such law exists; the old one stays.
+            DesignError: no stabilizing law exists; the previous law stays.
 
         """
         config = self._config
@@ -172,8 +176,8 @@ class LqServo:
 
         Args:
             state: (n,), x or its estimate.
-            reference: (p,), of the tracked outputs; zero if None.
-            external: (l,), v, what is added to the inputs; zero if None.
+            reference: (p,), reference of the tracked outputs; zero if None.
+            external: (l,), v, added to the inputs; zero if None.
 
         """
         n = len(state)

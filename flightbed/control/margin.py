@@ -1,9 +1,9 @@
-"""How wrong an estimate of effectiveness may be before the law that was designed with it loses stability (Wu and others 2000, S 4).
+"""Stability margin of a law against errors of the estimated effectiveness that it was designed with (Wu and others 2000, S 4).
 
 The loop is M(gamma) = A - B (I + diag gamma) F, W eq (41). Its margin, W eq (46), is the largest eps for which M is stable for all
-|gamma_i - gamma-hat_i| <= w_i eps. The coefficients of its characteristic polynomial are multilinear in gamma, eq (45), which is what the
-mapping theorem needs (Bhattacharyya, Chapellat and Keel 1995, ch. 11): over a box of gamma they lie in the convex hull of those at its
-corners.
+|gamma_i - gamma-hat_i| <= w_i eps. The coefficients of its characteristic polynomial are multilinear in gamma, eq (45), as the
+mapping theorem requires (Bhattacharyya, Chapellat and Keel 1995, ch. 11): over a box of gamma they lie in the convex hull of their values
+at the corners.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from flightbed.errors import DesignError
 
 Array = npt.NDArray[np.float64]
 
-_ON_CIRCLE = 1e-5  # how near to the unit circle a computed eigenvalue must be to be taken for one on it; a double root moves by sqrt(eps)
-_RAYS = 33  # on each face of the box, along each of its edges
+_ON_CIRCLE = 1e-5  # largest distance from the unit circle of a computed eigenvalue that counts as on it; a double root moves by sqrt(eps)
+_RAYS = 33  # grid points along each edge of a face of the box
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Margin:
-    """The margin, between two values.
+    """Lower and upper bound of the margin.
 
     Attributes:
         smallest: the loop is stable in the whole box of this eps, by the mapping theorem; 0 without margin.
-        largest: at this eps an eigenvalue is on the unit circle; infinite if none was met up to the limit of the search.
-        gamma: (l,), where it is; nan if nowhere.
+        largest: eps at which an eigenvalue reaches the unit circle; infinite if none does up to the limit of the search.
+        gamma: (l,), point at which it reaches the circle; nan if there is none.
 
     """
 
@@ -43,8 +43,8 @@ class Margin:
 def first_crossing(M0: Array, M1: Array, limit: float = np.inf) -> float:
     """Return the least t > 0 at which M0 + t M1 has an eigenvalue on the unit circle; infinite if there is none up to the limit.
 
-    Not a search: t is an eigenvalue of det(M +- I) = 0, linear in t, or of det(C(M) - I) = 0, quadratic, where C(M) is the second compound
-    matrix, whose eigenvalues are the products of two different ones of M (a complex pair on the circle has the product 1).
+    No search is needed: t solves det(M +- I) = 0, linear in t, or det(C(M) - I) = 0, quadratic in t, where C(M) is the second compound
+    matrix; its eigenvalues are the products of two different eigenvalues of M (a complex pair on the circle has the product 1).
 
     Args:
         M0: (n, n), stable: eigenvalues inside the unit circle.
@@ -99,22 +99,22 @@ def stability_margin(
 ) -> Margin:
     """Return the margin of W eq (46) around an estimate.
 
-    Exact means two things. With one input ``largest`` is the margin, an eigenvalue of a fixed matrix pencil, to the precision of these.
-    With more, the first crossing on every straight line from the estimate is such an eigenvalue; the line that comes to it first is
-    looked for on the faces of the box, by a grid and a golden section about its best point. That the box has no unstable point between
-    the lines is proved by the mapping theorem, the box divided where the theorem does not decide, for ``smallest`` = (1 - tolerance)
-    ``largest``. If a corner of such a part is unstable after all, the search goes on from the line through it.
+    With one input, ``largest`` is the margin itself: an eigenvalue of a fixed matrix pencil, to its numerical precision. With several
+    inputs, the first crossing on each straight line from the estimate is such an eigenvalue; a grid on the faces of the box and a
+    golden-section search around its best point find the line with the earliest crossing. The mapping theorem proves that the box of
+    ``smallest`` = (1 - tolerance) ``largest`` has no unstable point between the lines; boxes that the theorem does not decide are
+    divided. If a corner of a part is unstable, the search continues from the line through this corner.
 
     Args:
         A, B: (n, n) and (n, l), of the healthy system over a sample.
         F: (l, n), of the law u = -F x.
         gamma: (l,), the estimate that F was designed with.
-        weights: (l,), w, not negative, how far each may be off for eps = 1; ones if None. An input with 0 is known.
-        limit: largest eps that is looked at.
-        tolerance: relative, between ``smallest`` and ``largest``.
+        weights: (l,), w, not negative, deviation of each input at eps = 1; ones if None. 0: the input's effectiveness is known.
+        limit: largest eps considered.
+        tolerance: relative difference of ``smallest`` and ``largest``.
 
     Raises:
-        DesignError: the mapping theorem does not prove the margin to this tolerance, however the box is divided.
+        DesignError: the mapping theorem does not prove the margin to this tolerance at the finest division of the box.
 
     """
     w = np.ones(len(gamma)) if weights is None else np.asarray(weights, dtype=np.float64)
@@ -178,9 +178,11 @@ def _search(M0: Array, E: Array, limit: float) -> tuple[float, Array]:
 
 
 def _prove(M0: Array, E: Array, eps: float, finest: float) -> Array | None:
-    """Prove that the box of half width eps is stable and return None, or return a point of it that is not.
+    """Prove that the box of half width eps is stable and return None, or return an unstable point inside it.
 
-    Raises DesignError if parts as small as ``finest`` still do not decide.
+    Raises:
+        DesignError: the theorem does not decide a part of half width ``finest``.
+
     """
     inputs = len(E)
     corners = np.array(list(product((-1.0, 1.0), repeat=inputs)))
@@ -210,9 +212,9 @@ def _prove(M0: Array, E: Array, eps: float, finest: float) -> Array | None:
 
 
 def _hull_is_stable(matrices: list[Array]) -> bool:
-    """Tell whether the convex hull of the characteristic polynomials of stable matrices is stable.
+    """Return whether the convex hull of the characteristic polynomials of stable matrices is stable.
 
-    It is if every segment between two of them is (edge theorem).
+    It is stable if every segment between two of them is stable (edge theorem).
     """
     companions = [_companion(np.poly(M).astype(np.float64)) for M in matrices]
     return all(np.isinf(first_crossing(p, q - p, 1.0)) for p, q in combinations(companions, 2))

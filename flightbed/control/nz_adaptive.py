@@ -1,8 +1,8 @@
 """Load factor by pseudo-linear identification and pole placement in flight: Kemp (1987), chapter 6 and the listing of subroutine D.
 
-An inner loop of pitch rate with a scheduled gain, elevator = u + G q, holds the aircraft while PLID learns the second-order transfer
-function from u to y = -a_n (down positive: the gains then have the signs of the thesis), and every tick the poles are placed anew.
-u is absolute, trim included, as in the listing: that y = 0 goes with a u that is not 0 is to the filter process noise, or a zero at 1.
+A pitch-rate inner loop with a scheduled gain, elevator = u + G q, stabilizes the aircraft while PLID identifies the second-order transfer
+function from u to y = -a_n (down positive, so that the gains have the signs of the thesis). The poles are placed again at every tick.
+u is absolute, trim included, as in the listing. The nonzero u at y = 0 appears to the filter as process noise, or as a zero at 1.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from flightbed.control.load_factor import GainTable, dynamic_pressure_pa, increm
 from flightbed.estimation.plid import Form, Plid, PlidConfig
 from flightbed.signals import Measurement
 
-# Listing of D: s_0, poles near the unit circle and the zero that the thesis expects; the gains until a model gives others.
+# Listing of D: s_0, with poles near the unit circle and the zero that the thesis expects; initial gains, used until a model is accepted.
 THESIS_PRIOR = (-0.9856, 1.953, 0.1416, -0.1025)
 FIRST_GAINS = (0.0, 0.0, -0.05)
-SIGNS = (1, 1, -1)  # of the gains that are accepted, S 6.2
+SIGNS = (1, 1, -1)  # of accepted gains, S 6.2
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,11 @@ class NzAdaptiveConfig:
     """Settings of the law. SI, radians, g.
 
     Attributes:
-        plid: of the filter, order 2; the state of its prior is set at the start of the flight.
-        form: how its covariance is held.
-        placement: of poles in the z plane.
-        command_filter_rad_s: first-order filter of u, of which PLID is told; 0 for none. A departure, against the flutter of S 6.3.
+        plid: settings of the filter, order 2; its prior includes the state at the start of the flight.
+        form: form in which its covariance is stored.
+        placement: settings of pole placement in the z plane.
+        command_filter_rad_s: bandwidth of a first-order filter of u; PLID receives the filtered u. 0: no filter. A departure from the
+            thesis, against the flutter of S 6.3.
 
     """
 
@@ -40,14 +41,15 @@ class NzAdaptiveConfig:
 
 
 class NzAdaptive:
-    """The law at work; a LoadFactorLaw.
+    """The law; a LoadFactorLaw.
 
     Args:
         config: settings.
-        table: the inner loop's G is that of the scheduled law, as in the thesis.
-        control_hz: rate of the demands.
-        elevator_trim_rad: where it starts.
-        stops_rad: the demand stays between them: u is cut to what the inner loop leaves, and the integral is held there (listing of D).
+        table: gains of the scheduled law; the inner loop uses its pitch-rate gain G, as in the thesis.
+        control_hz: control rate.
+        elevator_trim_rad: elevator deflection at the start.
+        stops_rad: limits of the demand; u is limited to the range that the inner loop leaves, and the integral is held at a limit
+            (listing of D).
 
     """
 
@@ -68,22 +70,12 @@ class NzAdaptive:
 
     @property
     def model(self) -> tuple[float, float, float, float]:
-        """What has been identified: a_0, a_1, b_0, b_1."""
+        """Identified a_0, a_1, b_0, b_1."""
         a_0, a_1, b_0, b_1 = self._plid.parameters.tolist()
         return a_0, a_1, b_0, b_1
 
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """State gains and that of the integral, rad/g, rad/g, rad/g."""
-        return tuple(self._placement.gains.tolist())
-
-    @property
-    def rejected(self) -> int:
-        """How many models gave gains that were not taken."""
-        return self._placement.rejected
-
     def demand(self, measurement: Measurement, *, increment_ref_g: float, hold: bool) -> float:  # noqa: ARG002
-        """Return the deflection that should act, rad. ``hold`` says nothing new: the law knows the stops."""
+        """Return the demanded effective deflection, rad. ``hold`` is not used: the law applies the stops itself."""
         y = -increment_g(measurement)
         damping = -self.damping(measurement) * measurement.q_rad_s
         self._plid.update(y, self._u)
@@ -102,6 +94,6 @@ class NzAdaptive:
         return self._table.at(dynamic_pressure_pa(measurement))[1]
 
 
-def settled(model: tuple[float, float, float, float], u: float) -> tuple[float, ...]:
-    """Return the extended state of a model that has rested at y = 0 with the input u: x_1 = b_0 u, x_2 = y = 0."""
+def rest_state(model: tuple[float, float, float, float], u: float) -> tuple[float, ...]:
+    """Return the extended state of a model at rest at y = 0 with the input u: x_1 = b_0 u, x_2 = y = 0."""
     return model[2] * u, 0.0, *model

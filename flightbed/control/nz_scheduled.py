@@ -1,4 +1,4 @@
-"""Load factor by fixed gains that are scheduled on measured dynamic pressure: the baseline of Kemp (1987), S 6.1."""
+"""Load-factor law with gains scheduled on measured dynamic pressure: the baseline of Kemp (1987), S 6.1."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from flightbed.signals import Measurement
 class NzScheduled:
     """Feedback of alpha, q, the error of a_n and its integral. A LoadFactorLaw.
 
-    Written as increments, u_k = u_(k-1) + K (x_k - x_(k-1)) + K_i e_k / hz: gains may move without a bump and no trim has to be
-    scheduled (the velocity form of Kaminer, Pascoal, Khargonekar and Coleman, Automatica 31 (1995) 1185). The thesis does not say
-    how its controller is written.
+    Velocity form, u_k = u_(k-1) + K (x_k - x_(k-1)) + K_i e_k / hz: changing gains cause no bump, and no trim has to be scheduled
+    (Kaminer, Pascoal, Khargonekar and Coleman, Automatica 31 (1995) 1185). The thesis does not state the form of its controller.
 
     Args:
         table: gains over dynamic pressure.
-        control_hz: rate of the demands.
-        elevator_trim_rad: where it starts.
-        stops_rad: the demand stays between them.
+        control_hz: control rate.
+        elevator_trim_rad: elevator deflection at the start.
+        stops_rad: limits of the demand.
 
     """
 
@@ -31,15 +30,15 @@ class NzScheduled:
 
     @property
     def model(self) -> tuple[float, float, float, float]:
-        """Nothing is identified."""
+        """Four nan: the law identifies nothing."""
         return nan, nan, nan, nan
 
     def demand(self, measurement: Measurement, *, increment_ref_g: float, hold: bool) -> float:
-        """Return the deflection that should act, rad."""
+        """Return the demanded effective deflection, rad."""
         alpha, q, error, integral = self.table.at(dynamic_pressure_pa(measurement))
         missed = increment_ref_g - increment_g(measurement)
         now = measurement.alpha_rad, measurement.q_rad_s, missed
-        if self._last[0] != self._last[0]:  # the first reading is where changes count from
+        if self._last[0] != self._last[0]:  # increments start at the first reading
             self._last = now
         changed = [new - old for new, old in zip(now, self._last, strict=True)]
         self._last = now

@@ -1,9 +1,9 @@
 """Pole placement with one input, by orthogonal transformations only.
 
-Ackermann's formula k = e_n' [b, Ab, ... A^(n-1) b]^-1 p(A) gives the same gains, of which there is one set, but forms powers of A
-and solves with the controllability matrix, whose columns turn into one direction as n grows: its condition, which multiplies the
-error, has nothing to do with how well the problem is posed. Here A and b are brought to controller-Hessenberg form, b = (beta, 0, ...),
-in which that matrix is triangular and need not be formed, and one pole after the other is deflated by an RQ step (Miminis and Paige,
+Ackermann's formula k = e_n' [b, Ab, ... A^(n-1) b]^-1 p(A) gives the same, unique gains, but it forms powers of A and solves with the
+controllability matrix, whose columns become nearly parallel as n grows: its condition number amplifies errors even where the problem
+is well posed. Here A and b are reduced to controller-Hessenberg form, b = (beta, 0, ...), in which the controllability matrix is
+triangular and need not be formed, and the poles are deflated one after the other by an RQ step (Miminis and Paige,
 Int. J. Control 35 (1982) 341 and Automatica 24 (1988) 343; backward stable: Arnold and Datta, SIAM J. Matrix Anal. Appl. 19 (1998) 447).
 """
 
@@ -17,25 +17,25 @@ import numpy.typing as npt
 Matrix = npt.NDArray[np.float64]
 Poles = npt.NDArray[np.complex128]
 
-UNCONTROLLABLE = 1e-12  # of what ``assign`` returns: what is below is round-off
+UNCONTROLLABLE = 1e-12  # values of ``assign`` below this are round-off
 
 
 def assign(A: Matrix, b: Matrix, poles: Poles, k: Matrix) -> float:
-    """Find the gains with which A - b k has its eigenvalues at the poles; can be compiled.
+    """Compute the gains for which the eigenvalues of A - b k are the poles; numba can compile this function.
 
-    With the first m poles placed, what is left is a Hessenberg pair (H, beta e_1) again. For a pole p, R Q = H - p I: the first column
-    x of Q* obeys (H - p I) x = r_11 e_1, so it is the closed loop's eigenvector if beta k x = r_11. In the basis of Q it is the first
-    unit vector, and the pair without it, H <- Q H Q*, beta <- beta q_21, is Hessenberg.
+    After the first m poles are placed, the remaining pair (H, beta e_1) is again Hessenberg. For a pole p, R Q = H - p I: the first
+    column x of Q* satisfies (H - p I) x = r_11 e_1, so it is an eigenvector of the closed loop if beta k x = r_11. In the basis of Q it
+    is the first unit vector, and the deflated pair, H <- Q H Q*, beta <- beta q_21, is Hessenberg.
 
     Args:
         A: (n, n).
         b: (n,).
-        poles: (n,) complex ones with their conjugates.
-        k: (n,) gains, written; of no use if the pair is uncontrollable.
+        poles: (n,) complex poles with their conjugates.
+        k: (n,) gains, written; meaningless if the pair is uncontrollable.
 
     Returns:
-        the smallest of beta and the subdiagonals of the Hessenberg form, relative to the norm of [A b]: 0 if the pair is not
-        controllable, and a bound from above for the distance to the next one that is not.
+        the smallest of beta and the subdiagonals of the Hessenberg form, relative to the norm of [A b]: 0 if the pair is
+        uncontrollable, otherwise an upper bound of the distance to the nearest uncontrollable pair.
 
     """
     n = b.shape[0]
@@ -44,10 +44,10 @@ def assign(A: Matrix, b: Matrix, poles: Poles, k: Matrix) -> float:
     size = np.sqrt(np.sum(A * A) + np.sum(b * b))
     least = np.inf
     beta = 0.0 + 0.0j
-    for step in range(n):  # Householder, on b and then on the columns of H: below their first element all becomes 0
+    for step in range(n):  # Householder reflections of b, then of the columns of H: zero all elements below the first
         length = np.sqrt(np.sum(np.abs(column[step:]) ** 2))
         least = min(least, length)
-        if not (size < np.inf and length > 1e-100 * size):  # and for what is no number
+        if not (size < np.inf and length > 1e-100 * size):  # also true for nan
             return 0.0
         v = np.zeros(n, dtype=np.complex128)
         v[step:] = column[step:]
@@ -70,7 +70,7 @@ def assign(A: Matrix, b: Matrix, poles: Poles, k: Matrix) -> float:
     for i in range(n):
         for j in range(i - 1):
             H[i, j] = 0.0
-    found = np.zeros(n, dtype=np.complex128)  # gains in the basis of T, of which the first m are final
+    found = np.zeros(n, dtype=np.complex128)  # gains in the basis of T; the first m are final
     for m in range(n):
         pole = poles[m]
         for i in range(m, n):
@@ -101,7 +101,7 @@ def assign(A: Matrix, b: Matrix, poles: Poles, k: Matrix) -> float:
         for i in range(m, n):
             H[i, i] += pole
         found[m] = corner / beta
-        if m < n - 1:  # b = beta e_1 in the new basis is beta (q_11, q_21, 0, ...): what is in m feeds no further pole
+        if m < n - 1:  # in the new basis b = beta e_1 is beta (q_11, q_21, 0, ...); component m affects no later pole
             beta *= np.conj(sines[m + 1])
     # k x = found in the basis of T
     for i in range(n):
@@ -113,21 +113,21 @@ def assign(A: Matrix, b: Matrix, poles: Poles, k: Matrix) -> float:
 
 
 def gains(A: Matrix, b: Matrix, poles: Sequence[complex]) -> Matrix:
-    """Return the gains k, (n,), with which A - b k has its eigenvalues at the poles.
+    """Return the gains k, (n,), for which the eigenvalues of A - b k are the poles.
 
     Args:
         A: (n, n).
         b: (n,).
-        poles: n, complex ones with their conjugates.
+        poles: n poles, complex ones with their conjugates.
 
     Raises:
-        ValueError: as many poles as states are needed, complex ones in conjugate pairs, and an input that controls all states.
+        ValueError: the number of poles is not n, complex poles are not in conjugate pairs, or the pair (A, b) is uncontrollable.
 
     """
     if len(poles) != len(b):
         raise ValueError(f"the loop has {len(b)} states, {len(poles)} poles are given")
     wanted = np.array(poles, dtype=np.complex128)
-    if not paired(wanted):
+    if not has_conjugate_pairs(wanted):
         raise ValueError("complex poles must come in conjugate pairs")
     k = np.zeros(len(b))
     if assign(np.asarray(A, dtype=np.float64), np.asarray(b, dtype=np.float64), wanted, k) < UNCONTROLLABLE:
@@ -135,7 +135,7 @@ def gains(A: Matrix, b: Matrix, poles: Sequence[complex]) -> Matrix:
     return k
 
 
-def paired(poles: Poles) -> bool:
-    """Tell whether complex poles come with their conjugates, to round-off."""
+def has_conjugate_pairs(poles: Poles) -> bool:
+    """Return whether complex poles come with their conjugates, to round-off."""
     polynomial = np.poly(poles)
     return bool(np.max(np.abs(np.imag(polynomial))) <= 1e-9 * np.max(np.abs(polynomial)))

@@ -12,7 +12,7 @@ def proportional_demand(
     gain_reference: float, gain_alpha: float, gain_q: float, gain_elevator: float, elevator_trim: float,
     q_ref: float, alpha: float, q: float, elevator: float,
 ) -> float:  # fmt: skip
-    """Return the deflection that should act, rad; alpha and elevator as deviations from trim."""
+    """Return the demanded effective deflection, rad; alpha and elevator are deviations from trim."""
     return elevator_trim + gain_reference * q_ref + gain_alpha * alpha + gain_q * q + gain_elevator * elevator
 
 
@@ -28,7 +28,7 @@ class Proportional:
         self.alpha_trim_rad, self.elevator_trim_rad = alpha_trim_rad, elevator_trim_rad
 
     def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:  # noqa: ARG002
-        """Return the deflection that should act, rad."""
+        """Return the demanded effective deflection, rad."""
         return _demand(
             self._reference, self._alpha, self._q, self._elevator, self.elevator_trim_rad,
             q_ref_rad_s, measurement.alpha_rad - self.alpha_trim_rad, measurement.q_rad_s, elevator_rad - self.elevator_trim_rad,

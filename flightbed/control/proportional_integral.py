@@ -8,7 +8,7 @@ from flightbed.signals import Measurement
 
 
 class ProportionalIntegral:
-    """The proportional law plus the integral of r - q, held while the command is cut at the stops (Sillence S 3.3)."""
+    """The proportional law plus the integral of r - q, held while the command is at a stop (Sillence S 3.3)."""
 
     def __init__(self, gains: Gains, *, alpha_trim_rad: float, elevator_trim_rad: float, control_hz: int) -> None:
         self._proportional = Proportional(gains, alpha_trim_rad=alpha_trim_rad, elevator_trim_rad=elevator_trim_rad)
@@ -17,7 +17,7 @@ class ProportionalIntegral:
         self._integral = 0.0
 
     def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:
-        """Return the deflection that should act, rad."""
+        """Return the demanded effective deflection, rad."""
         demand = self._integral + self._proportional.demand(
             measurement, q_ref_rad_s=q_ref_rad_s, elevator_rad=elevator_rad, hold=hold
         )

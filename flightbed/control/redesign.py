@@ -1,8 +1,8 @@
-"""Laws that are designed anew for the effectiveness that is left, on a confirmed change (Wu, Zhang and Zhou 2000, eqs (47)-(49)).
+"""Redesign of the laws for the remaining effectiveness, after a confirmed change (Wu, Zhang and Zhou 2000, eqs (47)-(49)).
 
-Weights stay, so that a surface that does less is also asked for relatively less; dividing the demand by K-hat, as ``adaptation`` does, is
-what weights give that are scaled by K twice. W does not say how the new gains come in: the step that they would make of the command
-is taken out at once and let in again with a time constant of 0.2 s.
+The weights stay, so the law uses a weaker surface relatively less. Division of the demand by K-hat, as in ``adaptation``, is equivalent to
+weights scaled by K^2. W does not state how the gains are switched: here the step of the command is subtracted at the switch and decays
+with a time constant of 0.2 s.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _BUMP_S = 0.2
 
 @dataclass(frozen=True)
 class PitchWeights:
-    """Bryson's rule: how much of each is as bad as that much of the others. rad, rad/s, rad."""
+    """Bryson's rule: deviations of equal cost, in rad, rad/s and rad."""
 
     alpha_rad: float
     q_rad_s: float
@@ -39,11 +39,11 @@ def pitch_lq(design: ShortPeriod, weights: PitchWeights, *, control_hz: int, eff
     Args:
         design: the healthy model.
         weights: of alpha, q and command.
-        control_hz: rate of the commands.
-        effectiveness: K that is designed for.
+        control_hz: control rate.
+        effectiveness: K of the design.
 
     Raises:
-        DesignError: the elevator that is left does not control the model.
+        DesignError: the remaining elevator does not control the model.
 
     """
     A, b = design.with_actuator(effectiveness)
@@ -62,16 +62,16 @@ def pitch_lq(design: ShortPeriod, weights: PitchWeights, *, control_hz: int, eff
 
 
 class RedesignedPitch:
-    """The proportional law with LQ gains for the K that is believed; its demand is the command. A Law.
+    """The proportional law with LQ gains for the estimated K; its demand is the command. A Law.
 
     Args:
         design: the healthy model.
         weights: of the regulator.
-        control_hz: rate of the commands.
+        control_hz: control rate.
 
     Attributes:
-        gains: of now.
-        effectiveness: that they are designed for.
+        gains: present gains.
+        effectiveness: K of their design.
 
     Raises:
         DesignError: as ``pitch_lq``.
@@ -86,12 +86,12 @@ class RedesignedPitch:
         self._bump, self._last, self._is_new = 0.0, 0.0, False
 
     def _with(self, gains: Gains) -> Proportional:
-        # Of the trim deflection, too, only the share K acts.
+        # Only the share K of the trim deflection acts.
         trim = self._design.elevator_trim_rad / self.effectiveness
         return Proportional(gains, alpha_trim_rad=self._design.alpha_trim_rad, elevator_trim_rad=trim)
 
     def redesign(self, effectiveness: float) -> None:
-        """Design for another K from the next demand on."""
+        """Redesign for another K; the next demand uses the new gains. Raises DesignError."""
         self.gains = pitch_lq(self._design, self._weights, control_hz=self._hz, effectiveness=effectiveness)
         self.effectiveness = effectiveness
         self._law, self._is_new = self._with(self.gains), True
@@ -108,13 +108,13 @@ class RedesignedPitch:
 
 @dataclass(frozen=True)
 class Redesign:
-    """When laws are designed anew: a change has been confirmed, and K-hat is further from the design's than the tolerance.
+    """Redesign of the laws when a change is confirmed and K-hat differs from the K of the design by more than the tolerance.
 
     Attributes:
-        pitch: the law of the elevator, and the index of the estimate of its K.
-        roll_yaw: the law of aileron and rudder, and the indices of theirs; None where they are not commanded or not estimated.
-        floor: smallest K that is designed for.
-        tolerance: deviation of K-hat from the K designed for that is let pass.
+        pitch: the elevator's law, and the index of the estimate of its K.
+        roll_yaw: the law of aileron and rudder, and the indices of their estimates; None where they are not commanded or not estimated.
+        floor: smallest K of a design.
+        tolerance: largest deviation of K-hat from the K of the design without a redesign.
 
     """
 
@@ -123,8 +123,8 @@ class Redesign:
     floor: float
     tolerance: float = 0.05
 
-    def consider(self, estimates: Sequence[Estimate]) -> None:
-        """Take the estimates of a tick; the laws decide by what was designed from the same tick on."""
+    def update(self, estimates: Sequence[Estimate]) -> None:
+        """Take the estimates of a tick and redesign where needed; the new gains act at the same tick."""
         law, index = self.pitch
         K = self._confirmed(estimates[index], law.effectiveness)
         if law.effectiveness != K:

@@ -1,4 +1,4 @@
-"""The regulator of roll and yaw: LQ feedback on the design model with actuators, unit DC gain to roll rate and sideslip."""
+"""Roll and yaw law: LQ feedback on the design model with actuators, and unit DC gain to roll rate and sideslip."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from flightbed.short_period import zero_order_hold
 from flightbed.signals import LateralMeasurement
 
 Array = npt.NDArray[np.float64]
-_BUMP_S = 0.2  # in which the step fades that new gains would make, see ``redesign``
+_BUMP_S = 0.2  # time constant with which the step of a redesign decays, see ``redesign``
 
 
 @dataclass(frozen=True)
 class RollYawWeights:
-    """Bryson's rule: how much of each is as bad as that much of the others. rad, rad/s."""
+    """Bryson's rule: deviations of equal cost, in rad and rad/s."""
 
     beta_rad: float
     p_rad_s: float
@@ -30,21 +30,22 @@ class RollYawWeights:
 
 
 class RollYaw:
-    """Deflections of aileron and rudder that should act; with what acts fed back the loop is the healthy one whatever their effectiveness.
+    """Law of aileron and rudder; its demand is their effective deflections.
 
-    u = N (p_ref, beta_ref) - F (beta, p, r, aileron, rudder), F from the discrete Riccati equation at the control rate; N makes
-    the DC gain from the references to (p, beta) one on the design model, which does not know of gravity.
+    With the effective deflections fed back, the loop is the healthy one at any effectiveness. u = N (p_ref, beta_ref) - F (beta, p, r,
+    aileron, rudder): F from the discrete Riccati equation at the control rate; N gives unit DC gain from the references to (p, beta)
+    on the design model, which excludes gravity.
 
     Args:
         design: the model.
         weights: of the regulator.
-        control_hz: rate of the commands.
+        control_hz: control rate.
 
     Attributes:
         F: (2, 5).
         N: (2, 2).
         closed_loop: (5, 5), of (beta, p, r, aileron, rudder) over a tick.
-        effectiveness: K of aileron and rudder that it is designed for.
+        effectiveness: K of aileron and rudder of the design.
 
     Raises:
         DesignError: the surfaces do not control the model.
@@ -70,7 +71,7 @@ class RollYaw:
         dc = followed @ np.linalg.solve(np.eye(5) - closed_loop, B)
         if np.linalg.cond(dc) > 1e9:
             raise DesignError(
-                "roll and yaw: aileron and rudder do not set roll rate and sideslip independently; there is no such law"
+                "roll and yaw: aileron and rudder do not control roll rate and sideslip independently; set lateral.enabled = false"
             )
         self.F: Array = F
         self.N: Array = np.linalg.inv(dc)
@@ -79,7 +80,7 @@ class RollYaw:
         self._F, self._N = self.F.tolist(), self.N.tolist()
 
     def redesign(self, effectiveness: tuple[float, float]) -> None:
-        """Design for other K of aileron and rudder, from the next demand on; the demand is then the command. Raises DesignError."""
+        """Redesign for other K of aileron and rudder; the next demand uses the new gains and is the command. Raises DesignError."""
         self._solve(effectiveness)
         self._is_new = True
 
@@ -92,12 +93,12 @@ class RollYaw:
         aileron_rad: float,
         rudder_rad: float,
     ) -> tuple[float, float]:
-        """Return the deflections of aileron and rudder that should act, rad.
+        """Return the demanded effective deflections of aileron and rudder, rad.
 
         Args:
             measurement: the sensors' readings.
             p_ref_rad_s, beta_ref_rad: references.
-            aileron_rad, rudder_rad: deflections to feed back.
+            aileron_rad, rudder_rad: absolute deflections to feed back.
 
         """
         beta, p, r = measurement[:3]

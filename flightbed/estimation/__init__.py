@@ -1,1 +1,1 @@
-"""Estimators of effectiveness and state, one algorithm a file."""
+"""Estimators of effectiveness and state, one algorithm per file."""

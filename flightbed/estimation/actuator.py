@@ -1,4 +1,4 @@
-"""What the flight computer knows of the elevator's actuator."""
+"""On-board model of the elevator's actuator."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from flightbed.aircraft import Actuator
 
 
 class ActuatorOnBoard:
-    """What an actuator in order makes of its commands: stops, lag, rate limit, in JSBSim's order, one step a tick; owns its position, rad.
+    """Response of a healthy actuator to its commands: stops, lag, rate limit, in JSBSim's order, one step per tick; owns its position, rad.
 
-    The rate limit follows the lag and does not hold it back: a surface that is late turns round when the lag's output meets it.
+    The rate limit follows the lag and does not feed back to it: a rate-limited surface reverses when the lag's output crosses it.
     """
 
     def __init__(self, actuator: Actuator, control_hz: int, delay_ticks: int) -> None:
@@ -20,20 +20,20 @@ class ActuatorOnBoard:
         self._share = 1.0 - float(np.exp(-actuator.lag_rad_s / control_hz))
         self._mean = (
             1.0 - self._share * control_hz / actuator.lag_rad_s
-        )  # of the way, that a lag has gone on the average of a period
+        )  # mean response of the lag over a period, as a share of the step
         self._step = actuator.rate_limit_rad_s / control_hz
         self._commands: list[float] = []
         self._lagged = self._position = nan
 
     def commanded(self, command: float) -> None:
-        """Take the command of a tick; in the first the actuator is where it was told to be."""
+        """Take the command of a tick; at the first tick the actuator is at its command."""
         self._commands.append(command)
         if self._position != self._position:
             self._lagged = self._position = command
             self._commands = [command] * (1 + self._delay)
 
     def mean(self) -> float:
-        """Return the mean position over the period that has ended, and move on; nan if nobody told a command."""
+        """Return the mean position over the period that ends now, rad, and advance; nan before the first command."""
         if not self._commands:
             return nan
         low, high = self._actuator.min_rad, self._actuator.max_rad

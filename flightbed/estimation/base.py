@@ -1,4 +1,4 @@
-"""What the loop asks of an estimator, and what an estimator may know."""
+"""Interface of estimators to the loop, and the on-board knowledge available to them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from flightbed.signals import Estimate, LateralMeasurement, Measurement
 
 
 class Estimator(Protocol):
-    """An estimator of effectiveness: fed one measurement per tick, in order, from tick 0.
+    """An estimator of effectiveness; receives one measurement per tick, in order, from tick 0.
 
-    It may say in an attribute ``readings`` how many readings its innovation is of: what its NIS is on the average if its model holds.
-    What else the loop relies on, ``flightbed.testing.check_estimator`` lists and checks.
+    An optional attribute ``readings`` gives the number of readings in its innovation, which is the mean NIS if its model holds.
+    ``flightbed.testing.check_estimator`` lists and checks the other requirements of the loop.
     """
 
     def update(self, measurement: Measurement) -> Estimate:
@@ -28,46 +28,46 @@ class Estimator(Protocol):
 
 @runtime_checkable
 class Commanded(Protocol):
-    """An estimator that is told, besides, what the elevator is asked to do."""
+    """An estimator that also receives the elevator commands."""
 
     def commanded(self, elevator_cmd_rad: float) -> None:
-        """Take the command of a tick, after the law has given it: it acts over the period that begins."""
+        """Take the law's command of a tick, rad; it acts over the period that begins at this tick."""
 
 
 @runtime_checkable
 class SurfacesEstimator(Protocol):
-    """An estimator of the effectiveness of several surfaces, in flights whose aileron and rudder are commanded.
+    """An estimator of the effectiveness of several surfaces, for flights with commanded aileron and rudder.
 
     Attributes:
-        surfaces: which, in the order of what ``update_all`` returns.
+        surfaces: names of the surfaces, in the order of the estimates from ``update_all``.
 
     """
 
     surfaces: tuple[str, ...]
 
     def update_all(self, measurement: Measurement, lateral: LateralMeasurement) -> Sequence[Estimate]:
-        """Take the readings of the next tick, return an estimate for each surface; their state is the same."""
+        """Take the readings of the next tick, return an estimate for each surface; all have the same state."""
 
 
 def estimate_names(name: str, estimator: Estimator | SurfacesEstimator) -> list[str]:
-    """Return what the estimates of an estimator are called: by its name that of the elevator, NAME.aileron and NAME.rudder the others."""
+    """Return the names of an estimator's estimates: NAME for the elevator, NAME.aileron and NAME.rudder for the others."""
     surfaces = estimator.surfaces if isinstance(estimator, SurfacesEstimator) else ("elevator",)
     return [estimate_name(name, surface) for surface in surfaces]
 
 
 @dataclass(frozen=True, eq=False)
 class OnBoard:
-    """What the flight computer knows before take-off.
+    """Knowledge of the flight computer before take-off.
 
     Attributes:
         design: short-period model at the trim point.
-        noise: standard deviations of the sensors, as believed.
+        noise: assumed standard deviations of the sensors.
         control_hz: rate of the measurements.
-        schedule: pitch model over the envelope; None if no estimator of the flight asks for it.
-        lateral: model of roll and yaw at the trim point; None in a flight that leaves them to the plant.
-        lateral_noise: standard deviations of its sensors.
-        actuator: what the elevator's actuator should make of a command; None if nobody asks.
-        delay_ticks: between a command and the actuator.
+        schedule: pitch model over the envelope; None if no estimator of the flight uses it.
+        lateral: model of roll and yaw at the trim point; None in a flight without commanded aileron and rudder.
+        lateral_noise: assumed standard deviations of the lateral sensors.
+        actuator: model of the elevator's actuator; None if no estimator of the flight uses it.
+        delay_ticks: delay between a command and the actuator.
 
     """
 

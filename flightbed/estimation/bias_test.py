@@ -1,11 +1,11 @@
-"""Test for a loss of effectiveness by weighted sums of squared estimates, input by input (Wu and others 2000, S 3), and its thresholds.
+"""Test for a loss of effectiveness by weighted sums of squared estimates, for each input (Wu and others 2000, S 3), and its thresholds.
 
 W eqs (33) and (34): d_i = (1/L) sum of gamma-hat_i^2 / P_ii over the last L samples, against a threshold. W is N. E. Wu, Y. Zhang, K. Zhou,
-Int. J. Adaptive Control and Signal Processing 14 (2000) 775. It takes L d_i for chi-square with L degrees of freedom. That holds if the
-estimates of successive samples are independent of each other, have the variance P_ii that the filter tells, and no mean. None
-is given: they are one estimate, slightly revised, so that d is nearer to chi-square with one degree; forgetting and assumed noise make
-P_ii larger than their variance; and in a closed loop they have a mean. Hence three thresholds: the paper's, one that allows for
-correlation, and one from simulated runs, which alone allows for everything.
+Int. J. Adaptive Control and Signal Processing 14 (2000) 775. W assumes that L d_i is chi-square with L degrees of freedom. This requires
+estimates that are independent from sample to sample, have the variance P_ii of the filter, and zero mean. None of this holds: successive
+estimates are strongly correlated, so d is closer to chi-square with one degree of freedom; forgetting and the assumed noise make P_ii
+larger than the variance; and in a closed loop the mean is not zero. Hence three thresholds: that of the paper, one that accounts for the
+correlation, and one from simulated runs, the only one that accounts for all three effects.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from flightbed.compiling import Array
 
 
 def chi_square_threshold(window: int, false_alarm: float) -> float:
-    """Return the value that d exceeds with a probability if L d is chi-square with L degrees of freedom, as W S 3 has it.
+    """Return the value that d exceeds with the given probability if L d is chi-square with L degrees of freedom (W S 3).
 
     Args:
         window: L, samples.
-        false_alarm: probability, at one sample and for one input.
+        false_alarm: probability at one sample, for one input.
 
     """
     return correlated_threshold(float(window), false_alarm)
 
 
 def effective_degrees(autocorrelation: Sequence[float] | Array, window: int) -> float:
-    """Return the degrees of freedom h for which h d is nearly chi-square if the estimates are correlated.
+    """Return the degrees of freedom h for which h d is approximately chi-square if the estimates are correlated.
 
-    Mean and variance of d are matched (Satterthwaite, Biometrics Bulletin 2 (1946) 110): h = L^2 / sum over i, j of rho(i - j)^2, which is
-    L for white estimates and 1 for a constant one; both are exact.
+    Matches the mean and variance of d (Satterthwaite, Biometrics Bulletin 2 (1946) 110): h = L^2 / sum over i, j of rho(i - j)^2. h is
+    L for white and 1 for constant estimates; both cases are exact.
 
     Args:
-        autocorrelation: rho(1) ... rho(L - 1) at least, of gamma-hat / sqrt(P).
+        autocorrelation: at least rho(1) ... rho(L - 1), of gamma-hat / sqrt(P).
         window: L, samples.
 
     """
@@ -50,10 +50,10 @@ def effective_degrees(autocorrelation: Sequence[float] | Array, window: int) -> 
 
 
 def correlated_threshold(degrees: float, false_alarm: float) -> float:
-    """Return the value that d exceeds with a probability if h d is chi-square with h degrees of freedom, see ``effective_degrees``.
+    """Return the value that d exceeds with the given probability if h d is chi-square with h degrees of freedom, see ``effective_degrees``.
 
-    One degree is the cautious choice: at probabilities up to 0.2 no correlation makes a higher threshold necessary (Szekely and Bakirov,
-    Probability Theory and Related Fields 126 (2003) 184).
+    One degree of freedom is the conservative choice: at probabilities up to 0.2 no correlation requires a higher threshold (Szekely and
+    Bakirov, Probability Theory and Related Fields 126 (2003) 184).
     """
     from scipy.stats import chi2  # slow to import
 
@@ -62,13 +62,13 @@ def correlated_threshold(degrees: float, false_alarm: float) -> float:
     return float(chi2.isf(false_alarm, degrees)) / degrees
 
 
-class Calibrated(NamedTuple):
+class CalibratedThreshold(NamedTuple):
     """A threshold from simulated runs without failure.
 
     Attributes:
         threshold: quantile of the largest d of a run.
-        low, high: 95 % interval of it, between order statistics; high is infinite with too few runs.
-        runs: how many.
+        low, high: 95 % confidence interval of the threshold, from order statistics; high is infinite with too few runs.
+        runs: number of runs.
 
     """
 
@@ -78,11 +78,11 @@ class Calibrated(NamedTuple):
     runs: int
 
 
-def calibrated_threshold(largest: Sequence[float] | Array, false_alarm: float) -> Calibrated:
-    """Return the threshold that so many runs without failure exceed anywhere, with what their number leaves uncertain.
+def calibrated_threshold(largest: Sequence[float] | Array, false_alarm: float) -> CalibratedThreshold:
+    """Return the threshold for a false-alarm probability per run, with its confidence interval.
 
     Args:
-        largest: the largest d of each run, independent runs.
+        largest: the largest d of each of several independent runs without failure.
         false_alarm: probability of an alarm in a whole run.
 
     """
@@ -90,12 +90,12 @@ def calibrated_threshold(largest: Sequence[float] | Array, false_alarm: float) -
 
     data = np.sort(np.asarray(largest, dtype=np.float64))
     n = data.size
-    # Of n values the number below the quantile is binomial (n, 1 - false_alarm).
+    # The number of the n values below the quantile is binomial (n, 1 - false_alarm).
     below, above = (int(binom.ppf(p, n, 1.0 - false_alarm)) for p in (0.025, 0.975))
     low = float(data[below - 1]) if below > 0 else 0.0
     high = float(data[above]) if above < n else np.inf
-    # The order statistic (n + 1) p, which on the average is exceeded as often as asked (Weibull's plotting position).
-    return Calibrated(float(np.quantile(data, 1.0 - false_alarm, method="weibull")), low, high, n)
+    # The order statistic (n + 1) p has the requested mean exceedance probability (Weibull's plotting position).
+    return CalibratedThreshold(float(np.quantile(data, 1.0 - false_alarm, method="weibull")), low, high, n)
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,8 @@ class BiasTestConfig:
     """Settings of the test.
 
     Attributes:
-        window: L, samples that are averaged.
-        thresholds: epsilon of every input.
+        window: L, number of samples in the mean.
+        thresholds: epsilon, one per input.
 
     """
 
@@ -118,12 +118,12 @@ class BiasTestConfig:
             raise ValueError(f"thresholds: must be positive (got {self.thresholds})")
 
 
-class Tested(NamedTuple):
-    """What the test says at a sample.
+class BiasTestResult(NamedTuple):
+    """Result of the test at a sample.
 
     Attributes:
-        statistic: (l,), d; samples before the first count as zero, as an estimate of no loss does.
-        raised: (l,), whether it is above the threshold: hypothesis H1, the input has lost effectiveness.
+        statistic: (l,), d; samples before the first count as zero, that is as estimates without loss.
+        raised: (l,), whether d exceeds the threshold: hypothesis H1, the input has lost effectiveness.
 
     """
 
@@ -132,7 +132,7 @@ class Tested(NamedTuple):
 
 
 class BiasTest:
-    """The test, sample by sample.
+    """The test, advanced by one sample per call.
 
     Args:
         config: window and thresholds.
@@ -144,8 +144,8 @@ class BiasTest:
         nothing = [np.zeros(len(config.thresholds))] * config.window
         self._terms: deque[Array] = deque(nothing, maxlen=config.window)
 
-    def update(self, gamma: Array, covariance: Array) -> Tested:
-        """Take the estimate of a sample, gamma-hat (l,) and its covariance (l, l), and test."""
+    def update(self, gamma: Array, covariance: Array) -> BiasTestResult:
+        """Take the estimate of a sample, gamma-hat (l,) and its covariance (l, l), and return the result of the test."""
         self._terms.append(gamma**2 / np.diag(covariance))
         statistic: Array = np.mean(self._terms, axis=0)
-        return Tested(statistic, statistic > self._thresholds)
+        return BiasTestResult(statistic, statistic > self._thresholds)

@@ -1,20 +1,20 @@
-"""Does a reconstructed deflection follow the measured one? Regression, its variance, and a test for what no effectiveness explains.
+"""Regression of a reconstructed deflection on the measured one, and a test for deviations that no effectiveness explains.
 
-A reconstruction is a linear filter, known at every tick, from what acts on the aircraft and what the sensors err to u^. So the deflection
-that is measured is sent through the same filter, as is a constant: with no error of the model
+A reconstruction is a linear filter, known at every tick, from the acting input and the sensor noise to u^. The measured deflection and a
+constant pass through the same filter; without model error,
 
     u^ = K d^ + o 1^ + n,   d^, 1^ the filtered deflection and constant,
 
-holds exactly, whatever the filter's lag, and n is the sensors' noise through the filter. K is the slope, o a deflection that acts beside
-it. Least squares gives both. The covariance of sum(d^ n) and sum(1^ n) is carried along with the filter's own, so that the variances of K
-and o are those of the correlated noise that there is. That holds of a filter whose gains do not depend on the noise; those of the
+holds exactly at any lag of the filter; n is the filtered sensor noise. K is the slope, and o is a deflection that acts in addition to K
+times position. Least squares estimates both. The covariance of sum(d^ n) and sum(1^ n) is propagated with that of the filter, so the
+variances of K and o account for the correlation of n. This requires filter gains that do not depend on the noise; the gains of the
 retrospective cost do, and the variances are then too small (by less than a half, on the exact model).
 
-The test is of o, over windows: no effectiveness K, be it any number, explains an o that is not 0. A change of K spoils the window that it
-falls into, hence two in a row must say the same. The variance takes the deflection for independent of the noise. In a closed loop it is
-not, as the law answers to the same readings; o is then biased, the more the less else moves the elevator. So a window in which it moves
-less than the tolerance, RMS about its mean, is not judged. A second test, with the same windows and threshold, holds the measured
-deflection against the one that an actuator in order would have made of the commands: their mean difference.
+The test is on o, over windows: no value of K explains a nonzero o. A change of K distorts the window in which it occurs; therefore two
+consecutive windows must agree. The variance assumes a deflection independent of the noise. In a closed loop the law responds to the same
+readings, so the deflection depends on the noise and o is biased, most strongly when little else moves the elevator. A window in which the
+deflection moves less than the tolerance, RMS about its mean, is therefore not evaluated. A second test, with the same windows and
+threshold, compares the measured deflection with the response of a healthy actuator to the commands: their mean difference.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ class FollowingConfig:
 
     Attributes:
         forgetting: lambda of the regression for K, 0 < lambda <= 1.
-        prior_effectiveness, prior_effectiveness_std: prior of K, which counts as little as its variance says.
+        prior_effectiveness, prior_effectiveness_std: prior of K and its standard deviation.
         smoothing, bounds: as in LoopGainConfig.
-        window: ticks of a window of the test, at least 6.
-        false_alarm: probability with which noise alone, at an evaluation, makes two windows in a row say the same; of each of
-            the two tests there are ``STAGGERED`` evaluations in a window.
-        offset_rad: deflection beside K times the measured one that is tolerated: errors of the model make some; and measured beside
-            what was asked for. With 0 nothing that was declared is taken back.
-        follow_disturbances: raise the variance to what the residuals of the windows show, never below the sensors'.
+        window: length of a window of the test, ticks, at least 6.
+        false_alarm: probability that noise alone makes two consecutive windows agree, at one evaluation; each of the two tests has
+            ``STAGGERED`` evaluations per window.
+        offset_rad: tolerated o, to allow for model errors, and tolerated difference of measured deflection and actuator response.
+            With 0 a declared deviation is never withdrawn.
+        follow_disturbances: increase the variance to that of the windows' residuals; it is never below that of the sensors.
 
     Raises:
         ValueError: a value out of its range.
@@ -71,9 +71,9 @@ class FollowingConfig:
 
     @property
     def threshold(self) -> float:
-        """Return how many standard deviations o must be beyond what is tolerated, in each of two windows.
+        """Threshold of o beyond the tolerance in each of two windows, in standard deviations.
 
-        Two independent windows both beyond it on the same side have the probability p^2 / 2, p that of one, either side.
+        If p is the two-sided probability of one window, two independent windows exceed it on the same side with probability p^2 / 2.
         """
         from scipy.stats import norm  # slow to import
 
@@ -81,7 +81,7 @@ class FollowingConfig:
 
 
 def packed(config: FollowingConfig, elevator_std_rad: float) -> Array:
-    """Return the settings as ``follow`` takes them; the second is the noise of the position feedback."""
+    """Return the settings in the layout of ``follow``; ``elevator_std_rad`` is the noise of the position feedback."""
     follows = 1.0 if config.follow_disturbances else 0.0
     return np.array(
         [
@@ -92,7 +92,13 @@ def packed(config: FollowingConfig, elevator_std_rad: float) -> Array:
 
 
 def begin(states: int, config: FollowingConfig) -> Following:
-    """Return what is known before the first tick: the filter's state is the reading, and errs as that does."""
+    """Return the memory before the first tick: the filter's state equals the reading and has its error.
+
+    Args:
+        states: n, states of the filter's error.
+        config: settings.
+
+    """
     count = 1 + 2 * STAGGERED
     noise, marks = np.zeros((states, states)), np.zeros(MARKS)
     noise[0, 0] = noise[1, 1] = 1.0

@@ -1,4 +1,4 @@
-"""Arithmetic of ``following``, compiled: what is carried along with a reconstruction, a tick of it, and the test."""
+"""Compiled arithmetic of ``following``: the memory beside a reconstruction, its update at a tick, and the test."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ import numpy as np
 
 from flightbed.compiling import Array, compiled
 
-STAGGERED = 3  # windows that are open at a time, begun one after the other
-OUT = 2  # component of the filter's state that is u^, after errors of alpha and q
-EXPLAINED, BESIDE, ACTUATOR = 0.0, 1.0, 2.0  # what a verdict says
-RATIO, ALARMS, SMOOTHED, _BESIDE, _ACTUATOR, _ALPHA, _Q = range(7)  # what lies where in ``marks``
+STAGGERED = 3  # number of overlapping windows, with staggered starts
+OUT = 2  # index of u^ in the filter's state, after the errors of alpha and q
+EXPLAINED, OFFSET, ACTUATOR = 0.0, 1.0, 2.0  # values of a verdict
+RATIO, ALARMS, SMOOTHED, _OFFSET, _ACTUATOR, _ALPHA, _Q = range(7)  # indices into ``marks``
 MARKS = 7
 
 
 class Following(NamedTuple):
-    """What is carried along, all arrays, changed in place. n states of the filter, M = 1 + 2 ``STAGGERED`` regressions.
+    """Memory of the regressions; all arrays, changed in place. n states of the filter, M = 1 + 2 ``STAGGERED`` regressions.
 
-    Deflections are in deg and readings in standard deviations here, so that all is of one size.
+    Deflections are in deg and readings in standard deviations, so that all values have similar magnitudes.
 
-    The first regression is that of K; ``STAGGERED`` windows of it follow, and as many means of the measured deflection less the one that
-    was asked for, which no reconstruction enters.
+    The first regression estimates K; ``STAGGERED`` windows of the regression follow, and then as many windows of the mean difference of
+    measured deflection and actuator response, which do not use the reconstruction.
 
     Attributes:
-        response: (n, 2) of the filter's error to the measured deflection, to 1 deg.
-        noise: (n, n) covariance of the filter's error from noise.
+        response: (n, 2) response of the filter's error to the measured deflection and to a constant of 1 deg.
+        noise: (n, n) covariance of the filter's error due to noise.
         cross: (n, 2 M) its covariance with the noise of each regression's two sums; spread: (M, 3) covariance of these, [dd, d1, 11].
-        sums: (M, 7) of a regression: d d, d 1, 1 1, d u^, 1 u^, u^ u^, variance of n. Of a mean: the third the ticks, the fifth
-            and sixth the sum and that of squares.
-        ages: (M,) ticks in it, negative before it opens; said: (M,) sign of o in the window before, 0 if insignificant.
-        marks: ratio of residuals to noise, alarms, smoothed K, the two verdicts, B of the period before.
+        sums: (M, 7) of a regression: d d, d 1, 1 1, d u^, 1 u^, u^ u^, variance of n. Of a mean: the third is the number of ticks, the
+            fifth and sixth are the sum and the sum of squares.
+        ages: (M,) ticks in the window, negative before its start; offset_signs: (M,) sign of o in the previous window, 0 if insignificant.
+        marks: ratio of residuals to noise, alarms, smoothed K, the two verdicts, B of the previous period.
 
     """
 
@@ -41,15 +41,22 @@ class Following(NamedTuple):
     spread: Array
     sums: Array
     ages: Array
-    said: Array
+    offset_signs: Array
     marks: Array
 
 
-class Told(NamedTuple):
-    """What a tick says: K-hat in bounds, its standard deviation, smoothed, raw; o and its standard deviation, deg; verdict, alarms.
+class FollowingEstimate(NamedTuple):
+    """Estimate at a tick.
 
-    Then that of n, deg; NIS of the readings less what K and o explain of them; these innovations and their standard deviations, in
-    standard deviations of the sensors; the slope that goes with o.
+    Attributes:
+        effectiveness: K-hat in bounds; _std its standard deviation, _smoothed smoothed, _raw before the bounds.
+        offset, offset_std: o and its standard deviation, deg.
+        verdict, alarms: as in ``signals.Estimate``.
+        noise_std: standard deviation of n, deg.
+        nis: NIS of the readings minus their prediction from K and o.
+        innovation_alpha, innovation_q: these innovations, and (_std) their standard deviations, in standard deviations of the sensors.
+        slope: K of the regression together with o.
+
     """
 
     effectiveness: float
@@ -70,19 +77,19 @@ class Told(NamedTuple):
 
 
 @compiled
-def reopen(memory: Following, window: int) -> None:
-    """Take the filter to have been put to the readings: its error is theirs; all windows open anew."""
+def restart(memory: Following, window: int) -> None:
+    """Restart after the filter's state was set to the readings: its error is the readings' error; all windows start again."""
     memory.response[:], memory.noise[:], memory.cross[:] = 0.0, 0.0, 0.0
     memory.noise[0, 0] = memory.noise[1, 1] = 1.0
     memory.marks[_ALPHA], memory.marks[_Q] = 0.0, 0.0
     for m in range(1, memory.ages.size):
-        _close(memory, m)
+        _clear_window(memory, m)
         memory.ages[m] = -float((m - 1) % STAGGERED * window // STAGGERED)
-        memory.said[m] = 0.0
+        memory.offset_signs[m] = 0.0
 
 
 @compiled
-def _close(memory: Following, m: int) -> None:
+def _clear_window(memory: Following, m: int) -> None:
     memory.sums[m], memory.spread[m] = 0.0, 0.0
     memory.cross[:, 2 * m : 2 * m + 2] = 0.0
     memory.ages[m] = 0.0
@@ -90,13 +97,13 @@ def _close(memory: Following, m: int) -> None:
 
 @compiled
 def solved(sums: Array, spread: Array) -> tuple[float, float, float, float, float]:
-    """Return K and o of least squares, their variances, and how much of the noise's square the fit takes up.
+    """Return K and o of least squares, their variances, and the part of the squared noise that the fit absorbs.
 
-    With W the sums of products and S the covariance of the sums of products with the noise: W^-1 (sum d u, sum 1 u), the diagonal of
-    W^-1 S W^-1, and the trace of W^-1 S. Variances are infinite where W is singular.
+    With W the sums of products and S the covariance of the sums of products with the noise, these are W^-1 (sum d u, sum 1 u), the
+    diagonal of W^-1 S W^-1, and the trace of W^-1 S. The variances are infinite if W is singular.
 
     Args:
-        sums, spread: of one regression, as in ``Following``.
+        sums, spread: rows of one regression, as in ``Following``.
 
     """
     a, b, c = sums[0], sums[1], sums[2]
@@ -111,19 +118,19 @@ def solved(sums: Array, spread: Array) -> tuple[float, float, float, float, floa
 
 
 @compiled
-def _judge(memory: Following, settings: Array, m: int) -> None:
-    """Judge a window that is full: follow the size of its residuals, compare with the window before, raise or take back."""
-    sums, marks, said = memory.sums[m], memory.marks, memory.said
-    sign, within, which = 0.0, False, _BESIDE if m <= STAGGERED else _ACTUATOR
+def _test_window(memory: Following, settings: Array, m: int) -> None:
+    """Evaluate a complete window: update the residual ratio, compare with the previous window, declare or withdraw a verdict."""
+    sums, marks, offset_signs = memory.sums[m], memory.marks, memory.offset_signs
+    sign, within, which = 0.0, False, _OFFSET if m <= STAGGERED else _ACTUATOR
     K, o, var_o, taken = 0.0, sums[4] / sums[2], memory.spread[m, 2] / (sums[2] * sums[2]), 0.0
-    if which == _BESIDE:
+    if which == _OFFSET:
         K, o, _, var_o, taken = solved(sums, memory.spread[m])
         if sums[0] - sums[1] * sums[1] / sums[2] < settings[8] * settings[8] * sums[2]:
-            var_o = inf  # it moves less than what is tolerated, and much of that is the law's answer to the same noise
+            var_o = inf  # the motion is below the tolerance, and much of it is the law's response to the same noise
     if var_o < inf:
-        ratio = marks[RATIO] if which == _BESIDE else 1.0
+        ratio = marks[RATIO] if which == _OFFSET else 1.0
         expected = sums[6] - taken
-        if which == _BESIDE and expected > 1e-9 * sums[6]:
+        if which == _OFFSET and expected > 1e-9 * sums[6]:
             seen = max(sums[5] - K * sums[3] - o * sums[4], 0.0) / expected
             ratio = max(ratio + (min(seen, 4.0 * ratio) - ratio) / 30.0, 1.0)
             marks[RATIO] = ratio
@@ -131,40 +138,41 @@ def _judge(memory: Following, settings: Array, m: int) -> None:
         if abs(o) - settings[8] > settings[7] * std:
             sign = 1.0 if o > 0.0 else -1.0
         within = abs(o) + settings[7] * std < 2.0 * settings[8]
-        if which == _ACTUATOR:  # a position that commands sweep across is near them on the average only
+        if which == _ACTUATOR:  # a position in the middle of large commands is near them on average only
             within = within and sums[5] < 4.0 * settings[8] * settings[8] * sums[2]
     if within:
         marks[which] = 0.0
-    elif sign != 0.0 and sign == said[m] and marks[which] == 0.0:
+    elif sign != 0.0 and sign == offset_signs[m] and marks[which] == 0.0:
         marks[which] = 1.0
         marks[ALARMS] += 1.0
-    said[m] = sign
+    offset_signs[m] = sign
 
 
 @compiled
 def follow(
-    response: Array, noise: Array, cross: Array, spread: Array, sums: Array, ages: Array, said: Array, marks: Array,
-    settings: Array, F: Array, G: Array, Q: Array, B: Array, z: Array, told: float, feedback: float, commanded: float,
-) -> Told:  # fmt: skip
-    """Take one tick of a reconstruction.
+    response: Array, noise: Array, cross: Array, spread: Array, sums: Array, ages: Array, offset_signs: Array, marks: Array,
+    settings: Array, F: Array, G: Array, Q: Array, B: Array, z: Array, reconstruction: float, feedback: float, commanded: float,
+) -> FollowingEstimate:  # fmt: skip
+    """Update the memory by one tick of a reconstruction; return the estimate.
 
     Args:
-        response, noise, cross, spread, sums, ages, said, marks: the fields of ``Following``, carried on; one by one, because a tuple
-            of arrays costs the way into compiled code as much as the tick does.
-        settings: as ``packed``.
-        F, G: (n, n), (n, 2): the filter's error at this tick -> at the next, without the input of the period that begins; from the
-            sensors' errors. Its component ``OUT`` is then u^.
-        Q: (2,) variances of what else moves alpha and q in a period.
-        B: (2,) from the input of the period that begins.
-        z: (2,) readings less the filter's own.
-        told: u^, deg.
+        response, noise, cross, spread, sums, ages, offset_signs, marks: the fields of ``Following``, updated; as separate arguments,
+            because passing a tuple of arrays to compiled code takes as long as the tick itself.
+        settings: as from ``following.packed``.
+        F: (n, n) transition of the filter's error from this tick to the next, without the input of the period that begins; component
+            ``OUT`` of the result is u^.
+        G: (n, 2) effect of the sensors' errors on it.
+        Q: (2,) variances of the disturbances of alpha and q in a period.
+        B: (2,) effect of the input of the period that begins.
+        z: (2,) readings minus the filter's state.
+        reconstruction: u^, deg.
         feedback: measured deflection over the period that ended, deg.
-        commanded: the deflection that was asked for over it, deg, as the actuator should have made it; nan if nobody told.
+        commanded: mean response of a healthy actuator over the same period, deg; nan without commands.
 
     """
-    memory = Following(response, noise, cross, spread, sums, ages, said, marks)
+    memory = Following(response, noise, cross, spread, sums, ages, offset_signs, marks)
     n, count = noise.shape[0], ages.size
-    heard = commanded == commanded
+    has_command = commanded == commanded
     for i in range(2):
         b = marks[_ALPHA + i]
         response[i, 0] += b * feedback
@@ -178,7 +186,7 @@ def follow(
     noise[1, 1] += Q[1]
     noise[:2, :2] += settings[10] * np.outer(
         B, B
-    )  # an error of the measured deflection moves what it explains by at most b (K = 1)
+    )  # an error of the measured deflection changes the explained readings by at most b (K = 1)
     cross[:, :] = F @ cross
     n_var, one = max(noise[OUT, OUT], 0.0), response[OUT, 1]
     for m in range(count):
@@ -186,7 +194,7 @@ def follow(
             ages[m] += 1.0
             continue
         if m > STAGGERED:
-            if heard:
+            if has_command:
                 sums[m, 2] += 1.0
                 sums[m, 4] += feedback - commanded
                 sums[m, 5] += (feedback - commanded) ** 2
@@ -202,26 +210,34 @@ def follow(
         for i in range(n):
             cross[i, at] = keep * cross[i, at] + noise[i, OUT] * d
             cross[i, at + 1] = keep * cross[i, at + 1] + noise[i, OUT] * one
-        new = (d * d, d * one, one * one, d * told, one * told, told * told, n_var)
+        new = (
+            d * d,
+            d * one,
+            one * one,
+            d * reconstruction,
+            one * reconstruction,
+            reconstruction * reconstruction,
+            n_var,
+        )
         for i in range(7):
             sums[m, i] = keep * sums[m, i] + new[i]
         ages[m] += 1.0
     for m in range(1, count):
         if ages[m] >= settings[6]:
             if m <= STAGGERED or sums[m, 2] > 0.0:
-                _judge(memory, settings, m)
-            _close(memory, m)
-    return _say(memory, settings, n_var, before, z, s0, s1, s01)
+                _test_window(memory, settings, m)
+            _clear_window(memory, m)
+    return _estimate(memory, settings, n_var, before, z, s0, s1, s01)
 
 
 @compiled
-def _say(
+def _estimate(
     memory: Following, settings: Array, n_var: float, before: Array, z: Array, s0: float, s1: float, s01: float
-) -> Told:
-    """Return K, o and the rest; ``before`` (2, 2) and s are response and covariance of z."""
+) -> FollowingEstimate:
+    """Return the estimate; ``before`` (2, 2) is the response of z, and s0, s1, s01 are its covariance."""
     marks, sums = memory.marks, memory.sums[0].copy()
     ratio, prior, prior_var = (marks[RATIO] if settings[9] > 0.0 else 1.0), settings[1], settings[2]
-    # The priors, of K and of an o of 5 deg: readings of their mean, worth what the noise makes of their variance.
+    # The priors of K and of o (5 deg standard deviation) enter as pseudo-readings of their means, weighted by noise over prior variance.
     weight_K, weight_o = max(n_var, 1e-6) / prior_var, max(n_var, 1e-6) / 25.0
     spread = ratio * memory.spread[0]
     spread[0] += weight_K * weight_K * prior_var
@@ -231,15 +247,15 @@ def _say(
     sums[3] += weight_K * prior
     slope, offset, variance, var_o, _ = solved(sums, spread)
     K = slope
-    if marks[_BESIDE] == 0.0:
+    if marks[_OFFSET] == 0.0:
         K, variance = sums[3] / sums[0], spread[0] / (sums[0] * sums[0])
     bounded = min(max(K, settings[4]), settings[5])
     marks[SMOOTHED] = settings[3] * marks[SMOOTHED] + (1.0 - settings[3]) * bounded
-    e0 = z[0] - K * before[0, 0] - (offset * before[0, 1] if marks[_BESIDE] > 0.0 else 0.0)
-    e1 = z[1] - K * before[1, 0] - (offset * before[1, 1] if marks[_BESIDE] > 0.0 else 0.0)
+    e0 = z[0] - K * before[0, 0] - (offset * before[0, 1] if marks[_OFFSET] > 0.0 else 0.0)
+    e1 = z[1] - K * before[1, 0] - (offset * before[1, 1] if marks[_OFFSET] > 0.0 else 0.0)
     nis = max((s1 * e0 * e0 - 2.0 * s01 * e0 * e1 + s0 * e1 * e1) / (s0 * s1 - s01 * s01), 0.0)
-    verdict = BESIDE if marks[_BESIDE] > 0.0 else ACTUATOR if marks[_ACTUATOR] > 0.0 else EXPLAINED
-    return Told(
+    verdict = OFFSET if marks[_OFFSET] > 0.0 else ACTUATOR if marks[_ACTUATOR] > 0.0 else EXPLAINED
+    return FollowingEstimate(
         bounded, sqrt(variance), marks[SMOOTHED], K, offset, sqrt(var_o), verdict, marks[ALARMS], sqrt(n_var),
         nis, e0, e1, sqrt(s0), sqrt(s1), slope,
     )  # fmt: skip

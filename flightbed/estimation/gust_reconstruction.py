@@ -1,15 +1,16 @@
-"""A gust reconstructed as an unknown input: the angle of attack that moving air adds; the elevator is known. An estimator of the aircraft.
+"""Reconstruction of a gust as an unknown input: the angle of attack that moving air adds, with the elevator known.
 
-The angle to the air is alpha = alpha_i + g, g = w/V with w the vertical speed of the air, and the forces and the vane know only their
-sum. Air that moves steadily is no gust: all goes on as before, in a frame that moves with it, so the outputs have a zero at 1 and a steady
-w cannot be told from them. What can is its change over a period, r = g(k+1) - g(k), which is the unknown input here:
+The angle of attack is alpha = alpha_i + g, g = w/V, where w is the vertical speed of the air; forces and vane depend on the sum only.
+Steady vertical motion of the air has no effect in a frame that moves with it: the outputs have a zero at 1, and a steady w is not
+observable. Its change over a period is observable, r = g(k+1) - g(k), and is the unknown input here:
 
     alpha+ = A_11 alpha + A_12 q + b_1 u + c_1 + (1 + A_11)/2 r,   q+ = A_21 alpha + ... + A_21/2 r,   g+ = (1 - T/tau) g + r,
 
-the halves because the gust rises over the period. g forgets with the time constant tau, or the model's errors would add up in it: it is
-right at frequencies well above 1/(2 pi tau). The damping of a gust's own rotation, which JSBSim's discrete gusts do not have, is left out.
+with the factor 1/2 because the gust rises over the period. g decays with the time constant tau, otherwise model errors would accumulate
+in it; it is accurate at frequencies well above 1/(2 pi tau). The damping due to a gust's own rotation, which JSBSim's discrete gusts do
+not have, is neglected.
 
-The period's deflection is known when it has ended: the estimate is that of the tick before.
+The mean deflection of a period is known at its end: the estimate refers to the previous tick.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class GustConfig:
     """Settings of the estimator.
 
     Attributes:
-        method: which, with its settings; deflections in them are changes of angle of attack over a tick here.
+        method: settings of the method, which also select it; their deflections are changes of angle of attack per tick here.
         scheduled, alpha_disturbance_rad_s, q_disturbance_rad_s2: as in ReconstructionConfig.
         memory_s: tau, s.
 
@@ -51,35 +52,35 @@ class GustConfig:
 class GustReconstruction:
     """The angle of attack that a gust adds, ``reconstructed_rad``, by one of the methods; an Estimator.
 
-    It takes the elevator to be whole, K = 1 with no deviation, and says nothing of it; so it can correct no law.
+    It assumes a healthy elevator, K = 1, and returns nan as its effectiveness; it cannot correct a law.
 
     Args:
         config: settings.
-        onboard: what is known of aircraft and sensors.
+        onboard: on-board knowledge of aircraft and sensors.
 
     Raises:
-        ValueError: a schedule is asked for, and there is none on board.
+        ValueError: the model is the schedule, but none is on board.
 
     """
 
     def __init__(self, config: GustConfig, onboard: OnBoard) -> None:
         self._config, self._motion = config, PitchMotion(onboard, scheduled=config.scheduled)
         dt, noise = 1.0 / onboard.control_hz, onboard.noise
-        # Readings, and the input with the gust, in standard deviations: the input is of the size of alpha's.
+        # Readings, input and gust in standard deviations; input and gust use that of alpha.
         self._sigma = np.array([noise.alpha_rad, noise.q_rad_s, noise.alpha_rad])
         self._kept = 1.0 - dt / config.memory_s
         disturbed = np.array([config.alpha_disturbance_rad_s, config.q_disturbance_rad_s2, 0.0]) * dt / self._sigma
         self._process = np.diag(disturbed**2)
-        self._anew()
-        for _ in range(2):  # compile, or load what was compiled, now and not in flight
+        self._reset()
+        for _ in range(2):  # compile, or load from the cache, before the flight
             self.update(Measurement(0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0))
-        self._anew()
+        self._reset()
 
-    def _anew(self) -> None:
+    def _reset(self) -> None:
         self._last: Measurement | None = None
         self._estimator: RetrospectiveCost | InputKalmanFilter | None = None
 
-    def _begun(self, model: InputModel, y: Array) -> RetrospectiveCost | InputKalmanFilter:
+    def _start(self, model: InputModel, y: Array) -> RetrospectiveCost | InputKalmanFilter:
         method, unit, state = self._config.method, float(self._sigma[2]), np.array([y[0], y[1], 0.0])
         if isinstance(method, WalkSettings):
             walk = random_walk(1, step_std=method.step_rad / unit, initial_std=method.step_rad / unit)
@@ -97,7 +98,7 @@ class GustReconstruction:
         return InputModel(A * sigma / sigma[:, None], B * sigma[2] / sigma[:, None], np.eye(2, 3), G / sigma[:, None])
 
     def update(self, measurement: Measurement) -> Estimate:
-        """Take the readings of the next tick, return the estimate of the tick before; at tick 0 there is no gust."""
+        """Take the readings of the next tick, return the estimate of the previous tick; at tick 0 the gust is 0."""
         then, self._last = self._last, measurement
         if then is None:
             return _estimate(np.array([measurement.alpha_rad, measurement.q_rad_s, 0.0]), np.full(2, nan))
@@ -108,10 +109,10 @@ class GustReconstruction:
             np.array([u, 1.0]),
         )
         if self._estimator is None:
-            self._estimator = self._begun(model, y)
+            self._estimator = self._start(model, y)
         state, innovation = _take(self._estimator, y, known, model)
         if not (np.all(np.isfinite(state)) and np.all(np.abs(innovation) < FAR)):
-            self._estimator = self._begun(model, y)
+            self._estimator = self._start(model, y)
             state, innovation = _take(self._estimator, y, known, model)
         return _estimate(state * self._sigma, innovation * self._sigma[:2])
 
@@ -130,7 +131,7 @@ def _estimate(state: Array, innovation: Array) -> Estimate:
     alpha, q, gust = (float(value) for value in state)
     e_alpha, e_q = (float(value) if isfinite(value) else nan for value in innovation)
     return Estimate(
-        effectiveness=nan,  # nothing is said of K
+        effectiveness=nan,  # K is not estimated
         effectiveness_std=nan,
         effectiveness_smoothed=nan,
         effectiveness_raw=nan,

@@ -1,4 +1,4 @@
-"""A linear model driven by an input that nobody measures, and when such an input can be told from the output."""
+"""A linear model with an unknown input, and the observability of this input from the output."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = npt.NDArray[np.float64]
 class InputModel:
     """x(k+1) = A x(k) + B u(k) + G v(k), y(k) = C x(k): u is unknown, v is known.
 
-    An affine model, as a schedule gives at an operating point, has its known part in G v: G = [b | c], v = (elevator, 1).
+    An affine model, such as a schedule at an operating point, has its known part in G v: G = [b | c], v = (elevator, 1).
 
     Attributes:
         A: (n, n).
@@ -23,7 +23,7 @@ class InputModel:
         G: (n, l), of the known input; (n, 0) without one.
 
     Raises:
-        ValueError: shapes that do not fit each other.
+        ValueError: the shapes are inconsistent.
 
     """
 
@@ -41,7 +41,7 @@ class InputModel:
         fits = self.A.shape == (n, n) and self.B.ndim == self.C.ndim == self.G.ndim == 2
         if not fits or self.B.shape[0] != n or self.C.shape[1] != n or self.G.shape[0] != n:
             shapes = ", ".join(f"{name} {getattr(self, name).shape}" for name in ("A", "B", "C", "G"))
-            raise ValueError(f"the model needs A (n, n), B (n, m), C (p, n), G (n, l); got {shapes}")
+            raise ValueError(f"the model needs A (n, n), B (n, m), C (p, n), G (n, l) (got {shapes})")
 
     @property
     def states(self) -> int:
@@ -50,7 +50,7 @@ class InputModel:
 
     @property
     def inputs(self) -> int:
-        """Return m, how many inputs are unknown."""
+        """Return m, the number of unknown inputs."""
         return int(self.B.shape[1])
 
     @property
@@ -70,7 +70,7 @@ class InputModel:
         """Return G v, (n,); zeros without a known input.
 
         Raises:
-            ValueError: v has another length than G has columns.
+            ValueError: the length of v differs from the number of columns of G.
 
         """
         v = np.zeros(0) if known is None else np.atleast_1d(np.asarray(known, dtype=np.float64))
@@ -80,10 +80,10 @@ class InputModel:
 
 
 def invariant_zeros(model: InputModel) -> npt.NDArray[np.complex128]:
-    """Return the z at which [[A - z I, B], [C, 0]] loses rank, for as many inputs as outputs; largest modulus first.
+    """Return the z at which [[A - z I, B], [C, 0]] loses rank, for equal numbers of inputs and outputs; largest modulus first.
 
-    They are the finite generalized eigenvalues of that pencil (Emami-Naeini and Van Dooren, Automatica 18 (1982) 415). What an input at
-    such a frequency does is hidden from the output; with |z| >= 1 no stable inverse exists, and the input cannot be told from y.
+    They are the finite generalized eigenvalues of this pencil (Emami-Naeini and Van Dooren, Automatica 18 (1982) 415). The output does
+    not show an input at such a frequency; with |z| >= 1 no stable inverse exists, and y does not determine the input.
 
     Raises:
         ValueError: the numbers of inputs and outputs differ.

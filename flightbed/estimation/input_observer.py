@@ -1,7 +1,7 @@
-"""Unknown inputs by other means: a Kalman filter whose state has the input in it, and an observer that asks nothing of the input.
+"""Alternatives for unknown inputs: a Kalman filter with the input in its state, and an observer without a model of the input.
 
-The first needs a model of the input: a random walk, which drifts, or a harmonic of known frequency. The second (Gillijns and De Moor,
-Automatica 43 (2007) 111) inverts the plant one step back, and exists only where its zeros allow it.
+The filter needs a model of the input: a random walk or a harmonic of known frequency. The observer (Gillijns and De Moor, Automatica 43
+(2007) 111) inverts the plant with a delay of one sample, and exists only if the zeros of the plant allow it.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ Array = npt.NDArray[np.float64]
 
 
 class InputEstimate(NamedTuple):
-    """What a sample says.
+    """Estimate at a sample.
 
     Attributes:
-        input: (m,) of the Kalman filter u(k), of the period that begins now; of the observer u(k-1), of the one that ended.
-        input_std: (m,) its standard deviation, as the filter has it; infinite before there is one.
+        input: (m,) from the Kalman filter u(k), the input of the period that begins now; from the observer u(k-1), the previous one.
+        input_std: (m,) standard deviation of the input; infinite before the first estimate.
         state: (n,) x(k), from outputs up to y(k).
-        innovation: (p,) y(k) less what was expected.
+        innovation: (p,) y(k) minus its prediction.
 
     """
 
@@ -37,7 +37,7 @@ class InputEstimate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InputDynamics:
-    """What is believed of an input: s(k+1) = S s(k) + noise, u(k) = H s(k).
+    """Model of an input: s(k+1) = S s(k) + noise, u(k) = H s(k).
 
     Attributes:
         S: (l, l); H: (m, l).
@@ -53,12 +53,12 @@ class InputDynamics:
 
 
 def random_walk(inputs: int, *, step_std: float, initial_std: float) -> InputDynamics:
-    """Return an input that changes by white steps: u(k+1) = u(k) + noise.
+    """Return a random walk: u(k+1) = u(k) + white noise.
 
     Args:
-        inputs: m.
-        step_std: of a step, input units.
-        initial_std: of u(0), input units.
+        inputs: m, number of inputs.
+        step_std: standard deviation of a step, input units.
+        initial_std: standard deviation of u(0), input units.
 
     """
     one = np.eye(inputs)
@@ -66,13 +66,13 @@ def random_walk(inputs: int, *, step_std: float, initial_std: float) -> InputDyn
 
 
 def harmonic(inputs: int, rad_per_sample: float, *, step_std: float, initial_std: float) -> InputDynamics:
-    """Return an input of one known frequency, amplitude and phase unknown: s turns by that angle at each sample.
+    """Return a harmonic input of known frequency with unknown amplitude and phase: s rotates by a fixed angle per sample.
 
     Args:
-        inputs: m, each with an amplitude and a phase of its own.
-        rad_per_sample: frequency, rad.
-        step_std: by which amplitude and phase may change at a sample, input units.
-        initial_std: of both parts of s(0), input units.
+        inputs: m, number of inputs, each with its own amplitude and phase.
+        rad_per_sample: frequency, rad per sample.
+        step_std: standard deviation of the change of both components of s per sample, input units.
+        initial_std: standard deviation of both components of s(0), input units.
 
     """
     c, s = np.cos(rad_per_sample), np.sin(rad_per_sample)
@@ -84,7 +84,7 @@ def harmonic(inputs: int, rad_per_sample: float, *, step_std: float, initial_std
 
 @compiled
 def _correct(x: Array, P: Array, C: Array, R: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-    """Return state, covariance (Joseph's form), innovation and gain after an output."""
+    """Return state, covariance (Joseph form), innovation and gain after correction by an output."""
     e = y - C @ x
     gain = np.linalg.solve(C @ P @ C.T + R, C @ P).T
     left = np.eye(x.size) - gain @ C
@@ -93,18 +93,18 @@ def _correct(x: Array, P: Array, C: Array, R: Array, y: Array) -> tuple[Array, A
 
 
 class InputKalmanFilter:
-    """Kalman filter of (x, s), an input with dynamics of its own; owns its state. Fed one output per sample, in order.
+    """Kalman filter of (x, s), the state and the state of the input's dynamics; owns its state. Takes one output per sample, in order.
 
     Args:
-        dynamics: of the input.
-        model: of the first sample, and of the others unless they bring their own.
-        process: (n, n) covariance of what else moves the state in a sample.
+        dynamics: dynamics of the input.
+        model: model of the first sample, and default of the later ones.
+        process: (n, n) covariance of the other process noise in a sample.
         noise: (p, p) covariance of the output's noise, positive definite.
-        state: (n,) x^(0); zeros without.
-        state_covariance: (n, n) of x^(0).
+        state: (n,) x^(0); zeros if None.
+        state_covariance: (n, n) covariance of x^(0).
 
     Raises:
-        ValueError: an input of another size than the model's.
+        ValueError: dynamics and model have different numbers of inputs.
 
     """
 
@@ -113,7 +113,9 @@ class InputKalmanFilter:
         state: Array | None = None,
     ) -> None:  # fmt: skip
         if dynamics.H.shape[0] != model.inputs:
-            raise ValueError(f"the dynamics are of {dynamics.H.shape[0]} inputs, the model has {model.inputs}")
+            raise ValueError(
+                f"the dynamics have {dynamics.H.shape[0]} inputs, the model has {model.inputs}; they must agree"
+            )
         self._dynamics, self._model = dynamics, model
         n, size = model.states, dynamics.S.shape[0]
         self._R = np.array(noise, dtype=np.float64)
@@ -131,7 +133,7 @@ class InputKalmanFilter:
         return self._gain.copy()
 
     def update(self, y: Array, known: Array | None = None, *, model: InputModel | None = None) -> InputEstimate:
-        """Take the output of the next sample; arguments as ``RetrospectiveCost.update``."""
+        """Take the output of the next sample; arguments as in ``RetrospectiveCost.update``."""
         model, d = self._model if model is None else model, self._dynamics
         n = model.states
         C, F = self._C, self._F
@@ -146,11 +148,11 @@ class InputKalmanFilter:
 
 
 def no_observer(model: InputModel) -> str | None:
-    """Return why no unknown-input observer exists, None if one does.
+    """Return the reason why no unknown-input observer exists, or None if one exists.
 
-    Two conditions (Darouach, Zasadzinski and Xu, IEEE Trans. AC 39 (1994) 606): C B keeps the rank m, so that each input shows one
-    sample later; and what the outputs do not show once the input is taken out dies away: (T A, C) is detectable, T = I - B (C B)^+ C.
-    For as many inputs as outputs the undetectable modes are the zeros of (A, B, C), which must be inside the unit circle.
+    Two conditions (Darouach, Zasadzinski and Xu, IEEE Trans. AC 39 (1994) 606): C B has rank m, so that each input appears in the output
+    one sample later; and (T A, C) with T = I - B (C B)^+ C is detectable, so that modes hidden from the outputs decay. For equal numbers
+    of inputs and outputs the undetectable modes are the zeros of (A, B, C), which must lie inside the unit circle.
     """
     CB = model.C @ model.B
     rank = int(np.linalg.matrix_rank(CB))
@@ -167,21 +169,21 @@ def no_observer(model: InputModel) -> str | None:
 
 
 class UnknownInputObserver:
-    """Unbiased minimum-variance estimate of state and input whatever the input does; owns its state.
+    """Unbiased minimum-variance estimate of state and input, for an arbitrary input; owns its state.
 
-    Its input is u(k-1) from outputs up to y(k): one sample late, and as noisy as an inverse makes it. Gillijns and De Moor (2007),
-    S 3 and 4: x- = A x^, u^ = M (y - C x-), M = (F' R~^-1 F)^-1 F' R~^-1, F = C B, R~ = C P- C' + R; then x- + B u^ is corrected with what
-    y says beyond the input, which is nothing where there are as many inputs as outputs.
+    Its input estimate is u(k-1) from outputs up to y(k): one sample late, with the noise of an inverse. Gillijns and De Moor (2007),
+    S 3 and 4: x- = A x^, u^ = M (y - C x-), M = (F' R~^-1 F)^-1 F' R~^-1, F = C B, R~ = C P- C' + R; then x- + B u^ is corrected by the
+    components of y that do not determine the input; there are none for equal numbers of inputs and outputs.
 
     Args:
-        model: of the first sample, and of the others unless they bring their own.
-        process: (n, n) covariance of what else moves the state in a sample.
+        model: model of the first sample, and default of the later ones.
+        process: (n, n) covariance of the other process noise in a sample.
         noise: (p, p) covariance of the output's noise, positive definite.
-        state: (n,) x^(0); zeros without.
-        state_covariance: (n, n) of x^(0).
+        state: (n,) x^(0); zeros if None.
+        state_covariance: (n, n) covariance of x^(0).
 
     Raises:
-        ValueError: no such observer exists for the first model; the message says why.
+        ValueError: no such observer exists for the first model; the message gives the reason.
 
     """
 
@@ -194,10 +196,10 @@ class UnknownInputObserver:
         self._x = np.zeros(model.states) if state is None else np.array(state, dtype=np.float64)
         self._P = np.array(state_covariance, dtype=np.float64)
         self._Q, self._R = np.array(process, dtype=np.float64), np.array(noise, dtype=np.float64)
-        self._before: tuple[InputModel, Array] | None = None  # model and known part of the period that ends
+        self._before: tuple[InputModel, Array] | None = None  # model and known part of the previous period
 
     def update(self, y: Array, known: Array | None = None, *, model: InputModel | None = None) -> InputEstimate:
-        """Take the output of the next sample; arguments as ``RetrospectiveCost.update``. The first gives no input (nan)."""
+        """Take the output of the next sample; arguments as in ``RetrospectiveCost.update``. The first input estimate is nan."""
         model = self._model if model is None else model
         y, m = np.atleast_1d(np.asarray(y, dtype=np.float64)), model.inputs
         before, self._before = self._before, (model, model.known_part(known))
@@ -215,7 +217,7 @@ class UnknownInputObserver:
 def _unbiased(
     x: Array, P: Array, A: Array, B: Array, known: Array, C: Array, Q: Array, R: Array, y: Array
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Return x^, u^, its covariance, P and innovation of one sample; Gillijns and De Moor (2007)."""
+    """Return x^, u^, the covariance of u^, P and the innovation of one sample; Gillijns and De Moor (2007)."""
     x = A @ x + known
     P = A @ P @ A.T + Q
     e = y - C @ x
@@ -226,11 +228,11 @@ def _unbiased(
     u = M @ e
     x = x + B @ u
     left = np.eye(x.size) - B @ M @ C
-    cross = -B @ M @ R  # of the error of x with the noise of y
+    cross = -B @ M @ R  # covariance of the error of x with the noise of y
     P = left @ P @ left.T - cross @ M.T @ B.T
     if C.shape[0] > B.shape[1]:
         PC = P @ C.T + cross
-        spread = C @ PC + R + cross.T @ C.T  # of y - C x: of rank p - m
+        spread = C @ PC + R + cross.T @ C.T  # covariance of y - C x, of rank p - m
         gain = PC @ np.linalg.pinv(spread, 1e-10)
         x = x + gain @ (y - C @ x)
         P = P - gain @ PC.T

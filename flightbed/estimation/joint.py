@@ -1,7 +1,7 @@
 """The augmented filter of Theorem 1 for any number of states and measurements: prediction and correction, compiled or plain.
 
-A bank holds W copies of it side by side, the copies along the last axis so that the innermost loops run over them. The filters of the
-aircraft, with two states that are both measured, run through ``kernels.step``, which does the same to the last bit.
+A bank holds W filters, along the last axis so that the innermost loops run over the filters. The filters of the aircraft, with two
+measured states, use ``kernels.step``, which gives bit-identical results.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from flightbed.compiling import Array, compiled
 def predict(X: Array, P: Array, T: Array, model: Array, u: float, Q: Array, inflation: float) -> None:
     """x- = A x + b u K + c;  P- = inflation F P F' + Q,  F = [[A, b u], [0, 1]], for every filter of a bank.
 
-    Pachter eqs (8)-(11), Sillence S eqs (39)-(45); c is the known affine term and inflation = 1/lambda the fading
-    memory, neither of which is in the papers.
+    Pachter eqs (8)-(11), Sillence eqs (39)-(45); the known affine term c and the fading memory, inflation = 1/lambda, are additions to
+    the papers.
 
     Args:
         X: (n+1, W) states (x, K), updated in place.
@@ -70,10 +70,10 @@ def predict(X: Array, P: Array, T: Array, model: Array, u: float, Q: Array, infl
 
 @compiled
 def correct(X: Array, P: Array, T: Array, H: Array, r: Array, z: tuple[float, ...]) -> None:
-    """Bayes update with m measurements z = H x + v, one at a time, for every filter of a bank.
+    """Bayes update by m measurements z = H x + v, one after the other, for every filter of a bank.
 
-    With R diagonal this equals the joint update of Pachter eqs (12)-(14), and each scalar step is his Corollary 6
-    (eqs (42)-(49)): only scalars are inverted (his Remark 3). A full R is whitened by the caller.
+    For diagonal R this equals the joint update of Pachter eqs (12)-(14); each scalar step is his Corollary 6 (eqs (42)-(49)), which
+    inverts scalars only (his Remark 3). The caller whitens a full R.
 
     Args:
         X, P: as in predict, updated in place.

@@ -1,7 +1,7 @@
-"""Array code of the estimators: written once, run compiled (numba, cached on disk) or plain (FLIGHTBED_PLAIN=1).
+"""Array code of the estimators: one source, run compiled (numba, cached on disk) or plain (FLIGHTBED_PLAIN=1).
 
-A bank holds W copies of the augmented filter of Theorem 1 side by side, the copies along the last axis so that the
-innermost loops run over them. W = 1 is the ordinary recursive filter; W = N staggered copies are a moving window of N.
+A bank holds W augmented filters of Theorem 1, along the last axis so that the innermost loops run over the filters. W = 1 is the
+ordinary recursive filter; W = N filters with staggered starts are a moving window of N samples.
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ import numpy as np
 
 from flightbed.compiling import Array, compiled
 
-Found = tuple[float, float, float, float, float, float, float, float, float, float, float, float]  # what a tick gives
+TickResult = tuple[
+    float, float, float, float, float, float, float, float, float, float, float, float
+]  # the estimate of a tick, see ``tick``
 
-FIXED, ANCHORED, CORRECTED = 0.0, 1.0, 2.0  # how a filter starts
-YOUNG = 15.0  # ticks after an alarm in which the time of the change is still looked for
+FIXED, ANCHORED, CORRECTED = 0.0, 1.0, 2.0  # start of a filter
+ONSET_TICKS = 15.0  # ticks after an alarm during which the onset of the change is still searched
 
 
 @compiled
@@ -32,13 +34,13 @@ def step(
     z0: float,
     z1: float,
 ) -> None:
-    """Predict and correct every filter of a bank for two states that are both measured, in one pass over the filters.
+    """Predict and correct every filter of a bank with two measured states, in one pass over the filters.
 
-    The same operations in the same order as ``joint.predict`` and then ``joint.correct`` with H = I, and so the same to the last bit;
-    what is kept of a filter between them stays in registers.
+    The operations and their order are those of ``joint.predict`` and ``joint.correct`` with H = I, so the results are bit-identical; the
+    intermediate values of a filter stay in registers.
 
     Args:
-        bank: as ``new_bank``; X, P, normalized innovations squared (row 21), innovations and their variances are updated.
+        bank: as from ``new_bank``; X, P, normalized innovations squared (row 21), innovations and their variances are updated.
         model, u, inflation: as in ``joint.predict``.
         q00, q01, q11: covariance of the process noise.
         r0, r1: variances of the readings.
@@ -69,7 +71,7 @@ def step(
         m11 = inflation * (g1 * t12 + t10 * a10 + t11 * a11) + q11
         m02, m12, m22 = inflation * t02, inflation * t12, p22 * inflation
         bank[43, w], bank[44, w], bank[45, w], bank[46, w] = z0 - y0, z1 - y1, m00 + r0, m11 + r1
-        # the first reading, then the second
+        # correction by the first reading, then by the second
         inverse, e = 1.0 / (r0 + m00), z0 - y0
         nis = e * e * inverse
         y0 += m00 * inverse * e
@@ -93,13 +95,13 @@ def step(
 def start(bank: Array, settings: Array, slot: int, z0: float, z1: float) -> None:
     """Start one filter of a bank from the prior.
 
-    FIXED leaves the readings out; ANCHORED takes the state (not K) from them, with their variances, instead of from the prior; CORRECTED
-    lets them correct the prior, as ``joint.correct`` does.
+    FIXED ignores the readings; ANCHORED takes the state (not K) and its variances from the readings instead of the prior; CORRECTED
+    corrects the prior by the readings, as ``joint.correct`` does.
 
     Args:
-        bank: as ``new_bank``.
-        settings: as ``pack_settings``: prior, how filters start, variances of the readings.
-        slot: which filter.
+        bank: as from ``new_bank``.
+        settings: as from ``pack_settings``: prior, start of a filter, variances of the readings.
+        slot: index of the filter.
         z0, z1: the readings.
 
     """
@@ -133,19 +135,19 @@ def start(bank: Array, settings: Array, slot: int, z0: float, z1: float) -> None
 def disturbance(
     bank: Array, settings: Array, model: Array, u: float, z0: float, z1: float, k: int
 ) -> tuple[float, float]:
-    """Return what the readings show of disturbances, variances to add to Q, so that sigma and alarms hold in rough air too.
+    """Return the variances of disturbances estimated from the readings, to add to Q, so that sigma and alarms are valid in rough air.
 
-    The residual of one step from reading to reading, e = z - (A z_last + b K u + c), sums up the disturbances; in a leaky sum over
-    some 15 ticks the sensors' noise, which enters as differences, all but cancels, and gusts that last add up as they do in a
-    window. Its mean square over the last seconds, less what the sensors explain, is the white noise that would do the same.
+    The residual of one step between readings, e = z - (A z_last + b K u + c), contains the disturbances; in a leaky sum over about 15
+    ticks the sensor noise, which enters as differences, nearly cancels, and lasting gusts accumulate as they do in a window. The mean
+    square of this sum over the last seconds, minus the share of the sensors, gives the variance of the equivalent white noise.
 
     """
     leak, slow = 1.0 - 1.0 / 15.0, max(1.0 / 300.0, 1.0 / (k + 20.0))
-    x0, x1, believed = bank[36, 0], bank[37, 0], bank[24, 0]
+    x0, x1, effectiveness = bank[36, 0], bank[37, 0], bank[24, 0]
     found0, found1 = 0.0, 0.0
     for i in range(2):
         z = z0 if i == 0 else z1
-        e = z - (model[i, 0] * x0 + model[i, 1] * x1 + model[i, 2] * believed * u + model[i, 3])
+        e = z - (model[i, 0] * x0 + model[i, 1] * x1 + model[i, 2] * effectiveness * u + model[i, 3])
         total, square, r = leak * bank[32 + i, 0] + e, bank[34 + i, 0], settings[21 + i]
         square += slow * (min(total * total, 4.0 * (square + r)) - square)
         bank[32 + i, 0], bank[34 + i, 0] = total, square
@@ -159,7 +161,7 @@ def disturbance(
 
 @compiled
 def _age(slot: int, since: int, k: int, W: int) -> int:
-    """Return how many samples a filter has seen at tick k, of at most W; ``since`` is k mod W."""
+    """Return the number of samples, at most W, that a filter has processed at tick k; ``since`` is k mod W."""
     if k >= W:
         return since - slot if since > slot else since - slot + W
     return k - slot if slot > 0 and k > slot else (k if k > 0 else W)
@@ -167,55 +169,56 @@ def _age(slot: int, since: int, k: int, W: int) -> int:
 
 @compiled
 def alarm(bank: Array, settings: Array, k: int) -> bool:
-    """Test every filter of a window for a change of K against the level held so far; adopt the likeliest if it is one.
+    """Test every filter of a window for a change of K from its present level; on a change, select the filter with the likeliest onset.
 
-    Filter w has seen the data since its start alone. With I the information on K in them and k_w the K that they alone say,
-    (k_w - level)^2 / (1/I + var level) is twice the log likelihood ratio for a change at its start, and the largest of them the
-    generalized likelihood ratio over the time of the change (Willsky and Jones 1976), here from filters that run anyhow. Beyond the
-    threshold the filter that has it gives the estimate until it has seen a full window; for a while a likelier start replaces it.
+    Filter w has processed only the data since its start. With I the information on K in these data and k_w the K estimated from
+    them alone, (k_w - level)^2 / (1/I + var level) is twice the log likelihood ratio of a change at its start; the largest value is the
+    generalized likelihood ratio over the time of the change (Willsky and Jones 1976), at no cost because the filters run anyway. Beyond
+    the threshold, the filter with the largest value supplies the estimate until it has processed a full window; during the first
+    ``ONSET_TICKS`` ticks a likelier start replaces it.
 
     """
     W = bank.shape[1]
     since = k % W
     prior, prior_var, threshold, youngest = settings[6], settings[15], settings[31], settings[33]
-    young = k - bank[31, 0] <= YOUNG
-    level, level_var = (bank[29, 0], bank[30, 0]) if young else (bank[25, 0], bank[26, 0])
+    recent = k - bank[31, 0] <= ONSET_TICKS
+    level, level_var = (bank[29, 0], bank[30, 0]) if recent else (bank[25, 0], bank[26, 0])
     highest, slot = 0.0, -1
     for w in range(W):
         age = _age(w, since, k, W)
-        if age < youngest or (young and k - age < bank[38, 0]):
+        if age < youngest or (recent and k - age < bank[38, 0]):
             continue
         information = 1.0 / bank[11, w] - 1.0 / prior_var
         if information <= 1e-9:
             continue
-        said = (bank[2, w] / bank[11, w] - prior / prior_var) / information
-        ratio = (said - level) ** 2 / (1.0 / information + level_var)
+        mean = (bank[2, w] / bank[11, w] - prior / prior_var) / information
+        ratio = (mean - level) ** 2 / (1.0 / information + level_var)
         if ratio > highest:
             highest, slot = ratio, w
-    raised = highest > threshold and not young
-    if slot >= 0 and (raised or (young and highest > threshold)):
+    raised = highest > threshold and not recent
+    if slot >= 0 and (raised or (recent and highest > threshold)):
         age = _age(slot, since, k, W)
         if raised:
             bank[29, 0], bank[30, 0], bank[31, 0] = bank[25, 0], bank[26, 0], float(k)
             bank[38, 0] = float(k - W)
-            bank[32, 0], bank[33, 0] = 0.0, 0.0  # what they hold is the change of K, not the air
+            bank[32, 0], bank[33, 0] = 0.0, 0.0  # these sums contain the change of K, not disturbances
         bank[27, 0], bank[28, 0] = float(slot), float(k - age)
     return raised
 
 
 @compiled
-def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -> Found:
-    """Advance a bank by one sample, both states measured, and return the estimate of the filter that has the most data.
+def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -> TickResult:
+    """Advance a bank by one sample, both states measured, and return the estimate of the filter with the most data.
 
-    Tick 0 starts every filter. In a window (W > 1) filter k mod W has then seen exactly W samples: it gives the
-    estimate and starts again; during the first W ticks filter 0 has the most data. With W = 1 nothing is restarted. After an
-    alarm the filter that it adopted gives the estimate until it is as old.
+    Tick 0 starts every filter. In a window (W > 1) filter k mod W has processed exactly W samples at tick k: it supplies the estimate
+    and restarts; during the first W ticks filter 0 has the most data. With W = 1 no filter restarts. After an alarm the selected filter
+    supplies the estimate until it has processed a full window.
 
-    Few arguments, because each array costs the call from Python more than a filter's arithmetic does.
+    The arguments are few because passing an array from Python takes longer than the arithmetic of one filter.
 
     Args:
-        bank: the state, made by ``new_bank``.
-        settings: as ``pack_settings`` lays them out; the model in it may be changed from tick to tick.
+        bank: the state, from ``new_bank``; updated.
+        settings: as from ``pack_settings``; the model in it may change from tick to tick.
         u: input over the period that ends now.
         z0, z1: the readings of the two states.
         k: number of the tick.
@@ -270,28 +273,30 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
             else:
                 bank[27, 0] = -1.0
     gain, variance = bank[2, best], bank[11, best]
-    told = max(0.0, 1.0 / variance - 1.0 / prior_var)  # information on K in the data alone, and times what they say
-    said = gain / variance - prior / prior_var
-    if hold > 0.0:  # the last estimate, with this variance, in place of the prior of K
-        variance = 1.0 / (told + 1.0 / hold)
-        gain = variance * (said + bank[24, 0] / hold)
+    information = max(
+        0.0, 1.0 / variance - 1.0 / prior_var
+    )  # information on K in the data alone, and its product with their mean
+    weighted_mean = gain / variance - prior / prior_var
+    if hold > 0.0:  # the last estimate, with this variance, replaces the prior of K
+        variance = 1.0 / (information + 1.0 / hold)
+        gain = variance * (weighted_mean + bank[24, 0] / hold)
     bounded = min(max(gain, low), high)
     if threshold > 0.0:
         since = k - bank[31, 0]
         if raised:
             bank[24, 0], bank[39, 0] = bounded, bank[39, 0] + 1.0
-        elif since <= YOUNG:
-            share = max(1.0 - keep, 1.0 - since / YOUNG)
+        elif since <= ONSET_TICKS:
+            share = max(1.0 - keep, 1.0 - since / ONSET_TICKS)
             bank[24, 0] += share * (bounded - bank[24, 0])
         elif hold > 0.0:
-            # What is new in a window at a tick is a W-th of its information: the smoother follows that, and holds without it.
-            share = min(1.0 - keep, bank[42, 0] / (bank[42, 0] + W / max(told, 1e-9)))
-            bank[24, 0] += share * (said / max(told, 1e-9) - bank[24, 0])
+            # Each tick adds 1/W of the window's information: the smoother weights it accordingly, and holds without information.
+            share = min(1.0 - keep, bank[42, 0] / (bank[42, 0] + W / max(information, 1e-9)))
+            bank[24, 0] += share * (weighted_mean / max(information, 1e-9) - bank[24, 0])
             bank[24, 0] = min(max(bank[24, 0], low), high)
             bank[42, 0] = (1.0 - share) * bank[42, 0] + hold / 4000.0
         else:
             bank[24, 0] = keep * bank[24, 0] + (1.0 - keep) * bounded
-        if since <= YOUNG:
+        if since <= ONSET_TICKS:
             bank[42, 0] = variance
         if bank[27, 0] >= 0.0:
             bank[25, 0], bank[26, 0] = gain, variance
@@ -310,13 +315,13 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
 
 
 def new_bank(filters: int) -> Array:
-    """Return room for the state of W filters of (alpha, q, K): X, P, scratch, and in column 0 of the last rows what they share.
+    """Return the state of W filters of (alpha, q, K), zero: X, P, scratch, and in column 0 of rows 24 on the values that they share.
 
-    These are: 0 smoothed K-hat; level of K that alarms are raised against, 1 itself and 2 its variance; adopted filter, 3 which and
-    4 the tick of its start; 5, 6 the level before the last alarm, 7 its tick, 14 the earliest start that may replace the adopted one;
-    8, 9 leaky sums of residuals and 10, 11 their mean squares; 12, 13 last readings; 15 number of alarms; 16 leaky sum of the
-    residuals of alpha from which the gust's pitch rate is told, 17 its mean square; 18 variance of the smoothed K-hat. The last four
-    rows are each filter's innovations of the two readings and their variances.
+    Shared values, counted from row 24: 0 smoothed K-hat; 1 level of K in the alarm test, 2 its variance; 3 index of the selected
+    filter, 4 tick of its start; 5, 6 level and variance before the last alarm, 7 tick of this alarm, 14 earliest start that may replace
+    the selected one; 8, 9 leaky sums of residuals, 10, 11 their mean squares; 12, 13 last readings; 15 number of alarms; 16 leaky sum
+    of the residuals of alpha, from which the gust's pitch rate is estimated, 17 its mean square; 18 variance of the smoothed K-hat. The
+    last four rows hold each filter's innovations of the two readings and their variances.
     """
     return np.zeros((47, filters))
 
@@ -338,12 +343,23 @@ def pack_settings(
     hold_var: float = 0.0,
     offset: float = 0.0,
 ) -> Array:
-    """Return the settings of ``tick`` as one array.
+    """Return the settings of ``tick`` as one array, followed by eight numbers of scratch.
 
-    Process noise, prior, memory, start, smoother, bounds, variances of the readings (2,), model (2, 4) = [A | b | c]; threshold of
-    alarms (0: none), whether the process noise follows the disturbances, youngest filter that may raise an alarm, variance with which
-    the last estimate is held (0: the prior is); what is added to state 0 where it is returned;
-    room for eight numbers.
+    Args:
+        Q: (2, 2) covariance of the process noise.
+        x0, P0: (3,) and (3, 3), prior of (alpha, q, K).
+        inflation: 1/lambda of the fading memory, at least 1.
+        begin: start of a filter: FIXED, ANCHORED or CORRECTED.
+        keep: coefficient of the smoother.
+        bounds: lowest and highest K-hat.
+        r: (2,) variances of the readings.
+        model: (2, 4), [A | b | c].
+        threshold: threshold of alarms; 0: no alarms.
+        adaptive: whether the process noise follows the disturbances.
+        youngest: smallest number of samples of a filter in the alarm test.
+        hold_var: variance with which the last estimate replaces the prior of K; 0: the prior is used.
+        offset: added to the returned state 0.
+
     """
     memory = [inflation, begin, keep, *bounds]
     return np.concatenate(

@@ -10,7 +10,7 @@ import numpy as np
 from flightbed.compiling import Array, compiled
 from flightbed.estimation import kernels, pitch_model
 from flightbed.estimation.base import OnBoard
-from flightbed.estimation.kernels import Found
+from flightbed.estimation.kernels import TickResult
 from flightbed.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.units import DEG
 
@@ -28,15 +28,16 @@ class LoopGainConfig:
         window: samples in a window.
         forgetting: lambda in (0, 1]; 1 forgets nothing.
         smoothing: s in K_s+ = s K_s + (1 - s) K-hat, started at 1 (Sillence eq (85)).
-        bounds: lowest and highest K-hat that is passed on.
-        alarm_threshold: generalized likelihood ratio beyond which a change of K is declared and the window shortened to the data
-            since it; 0 for no test. A window only.
-        follow_disturbances: raise the process noise to what the readings show, and, on a schedule, take off the gust's pitch rate.
-        hold_std: standard deviation with which the last smoothed estimate stands in for the prior of K when a window says little,
-            and by a 63rd of which it may wander in a tick; 0 for neither.
+        bounds: lowest and highest K-hat of the estimate.
+        alarm_threshold: generalized likelihood ratio beyond which a change of K is declared and the window is shortened to the data
+            since the change; 0: no test. With memory ``"window"`` only.
+        follow_disturbances: increase the process noise to the level shown by the readings, and, with the schedule, subtract the
+            gust's pitch rate.
+        hold_std: standard deviation with which the last smoothed estimate replaces the prior of K in a window with little information;
+            its random walk has a step of hold_std / 63 per tick. 0: neither.
         absolute: x' = A x + b (K delta - delta_trim): K scales the whole deflection, as on the aircraft. Otherwise
-            x' = A x + K b (delta - delta_trim), the thesis's form, for a plant whose trim does not depend on K.
-        input_at: ``"mean"``: u is the measured deflection averaged over the sample; ``"start"`` or ``"end"``: what is measured there.
+            x' = A x + K b (delta - delta_trim), the form of the thesis, for a plant whose trim does not depend on K.
+        input_at: ``"mean"``: u is the measured deflection averaged over the sample; ``"start"`` or ``"end"``: its value at that time.
         scheduled: the model is the schedule, not the short period at the trim point; the input is then absolute.
         alpha_disturbance_rad_s, q_disturbance_rad_s2: process noise: standard deviation of an unmodelled alpha rate and
             pitch acceleration, white, each held for one tick.
@@ -71,12 +72,15 @@ class LoopGainConfig:
 
 
 @compiled
-def observe(bank: Array, settings: Array, schedule: Array, wiring: Array, then: Array, now: Array, k: int) -> Found:
-    """Take the readings of tick k, in arrays; what ``LoopGain.update`` does, for callers that are compiled themselves.
+def observe(
+    bank: Array, settings: Array, schedule: Array, wiring: Array, then: Array, now: Array, k: int
+) -> TickResult:
+    """Take the readings of tick k as arrays: ``LoopGain.update`` for compiled callers.
 
     Args:
-        bank, settings, schedule, wiring: as ``LoopGain.packed`` gives them; the first two change.
-        then, now: the fields of the Measurement at the tick before and at this one; at tick 0 both are this one's.
+        bank, settings, schedule, wiring: as from ``LoopGain.packed``; the first two are updated.
+        then, now: the fields of the Measurement at the previous tick and at this one; at tick 0 both are those of this tick.
+        k: number of the tick.
 
     """
     dt, alpha_trim, offset, field = wiring[0], wiring[1], wiring[2], int(wiring[3])
@@ -91,17 +95,17 @@ def observe(bank: Array, settings: Array, schedule: Array, wiring: Array, then: 
 
 
 class LoopGain:
-    """The augmented Kalman filter on (alpha, q, K), both alpha and q measured; an Estimator.
+    """The augmented Kalman filter of (alpha, q, K), with alpha and q measured; an Estimator.
 
-    Its model is the short period at the trim point, or, ``config.scheduled``, the schedule: at every tick the pitch motion of the
-    aircraft at the measured Mach number, altitude, attitude, alpha and q, linearized there.
+    Its model is the short period at the trim point or, with ``config.scheduled``, the schedule: at every tick the pitch motion of the
+    aircraft, linearized at the measured Mach number, altitude, attitude, alpha and q.
 
     Args:
         config: settings.
-        onboard: what is known of aircraft and sensors.
+        onboard: on-board knowledge of aircraft and sensors.
 
     Raises:
-        ValueError: a schedule is asked for, and there is none on board.
+        ValueError: the model is the schedule, but none is on board.
 
     """
 
@@ -121,7 +125,7 @@ class LoopGain:
         affine = -discrete.b * design.elevator_trim_rad if config.absolute else np.zeros(2)
         dt = 1.0 / control_hz
         disturbance = np.diag([(config.alpha_disturbance_rad_s * dt) ** 2, (config.q_disturbance_rad_s2 * dt) ** 2])
-        # An error of the measured deflection moves the prediction by at most b (K = 1): taken as process noise.
+        # An error of the measured deflection changes the prediction by at most b (K = 1); it is treated as process noise.
         self._settings = kernels.pack_settings(
             Q=disturbance + noise.elevator_rad**2 * np.outer(discrete.b, discrete.b),
             x0=np.array([config.prior_alpha_rad, config.prior_q_rad_s, config.prior_effectiveness]),
@@ -142,7 +146,7 @@ class LoopGain:
         self._at_start = config.input_at == "start"
         self._input = 3 if config.input_at == "mean" else 2  # field of Measurement
         self._before = 0.0
-        # Compile, or load what was compiled, now and not in flight; tick 0 starts all anew.
+        # Compile, or load from the cache, before the flight; tick 0 resets the state.
         if self._schedule is None:
             kernels.tick(self._bank, self._settings, 0.0, 0.0, 0.0, 0)
         else:
@@ -152,7 +156,7 @@ class LoopGain:
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
-        # Fields by number, and the tuple made without its constructor: at every tick that is a tenth of all that the estimator costs.
+        # Access by index, and a tuple without its constructor, save a tenth of the estimator's time per tick.
         elevator, tick = measurement[self._input], self._tick
         self._tick = tick + 1
         if self._at_start:
@@ -188,7 +192,7 @@ class LoopGain:
         return _new(Estimate, found + NOTHING_RECONSTRUCTED)
 
     def packed(self) -> tuple[Array, Array, Array, Array]:
-        """Return copies of what ``observe`` takes: bank, settings, schedule (empty without one), wiring."""
+        """Return copies of the arrays of ``observe``: bank, settings, schedule (empty without one), wiring."""
         schedule = np.zeros(0) if self._schedule is None else self._schedule.copy()
         wiring = [self._dt, self._alpha_trim, self._input_offset, float(self._input), float(self._at_start)]
         return self._bank.copy(), self._settings.copy(), schedule, np.array(wiring)

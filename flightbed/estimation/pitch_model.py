@@ -1,4 +1,4 @@
-"""The schedule on board, compiled: the pitch motion at a measurement, linearized and discretized."""
+"""The on-board schedule, compiled: the pitch motion, linearized and discretized at a measurement."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from math import cos, exp, pi, sin, sqrt
 import numpy as np
 
 from flightbed.compiling import Array, compiled
-from flightbed.estimation.kernels import Found
+from flightbed.estimation.kernels import TickResult
 from flightbed.estimation.kernels import tick as advance
 from flightbed.units import G0
 
 
 @compiled
 def cell(nodes: Array, at: int, count: int, value: float) -> tuple[int, float]:
-    """Return the interval and the place in it, 0 to 1, among the nodes ``nodes[at : at + count]``; beyond the ends the nearest interval.
+    """Return the interval of ``value`` among the nodes ``nodes[at : at + count]``, and its position in it, 0 to 1 between the nodes.
 
-    The interval is told by where its first node lies in the array: a slice of it would cost more than the search.
+    Beyond the ends the nearest interval is used. Offset and count select the nodes, because a slice takes longer than the search.
     """
     low, high = 0, count - 1
     while high - low > 1:
@@ -55,8 +55,8 @@ def rates(
     Args:
         schedule: ``Schedule.packed()``.
         out: (2, 4).
-        alpha, q: where, rad, rad/s.
-        acting: the deflection that acts, K times position, rad.
+        alpha, q: point of linearization, rad, rad/s.
+        acting: the effective deflection, K times position, rad.
         mach, altitude_m, theta, phi: air data and attitude.
 
     """
@@ -116,17 +116,17 @@ def rates(
 
 @compiled
 def local_model(
-    schedule: Array, model: Array, work: Array, believed: float, dt: float, alpha: float, q: float, elevator: float,
+    schedule: Array, model: Array, work: Array, effectiveness: float, dt: float, alpha: float, q: float, elevator: float,
     mach: float, altitude_m: float, theta: float, phi: float, q_gust: float,
 ) -> float:  # fmt: skip
     """Write the model of one period into ``model``: (2, 4), [A | b | c] of x+ = A x + b K u + c, x = (alpha, q), u the deflection.
 
-    Linearized at the measurement at the period's start and at the deflection that acts if K is as ``believed``; discretized for held
-    inputs by the series of the matrix exponential to third order (the rest is below 1e-6 at 100 Hz). The air that moves past the
-    aircraft turns at q_gust: damping acts on the difference. ``work`` is room, (2, 4). Returns the damping, d q'/d q, 1/s.
+    Linearized at the measurement at the start of the period and at the deflection ``effectiveness`` times ``elevator``; discretized for
+    held inputs by the series of the matrix exponential to third order (the remainder is below 1e-6 at 100 Hz). The surrounding air
+    rotates at q_gust, and damping acts on the difference. ``work`` is scratch, (2, 4). Returns the damping, d q'/d q, 1/s.
 
     """
-    rates(schedule, work, alpha, q, believed * elevator, mach, altitude_m, theta, phi)
+    rates(schedule, work, alpha, q, effectiveness * elevator, mach, altitude_m, theta, phi)
     a00, a01, a10, a11 = work[0, 1], work[0, 2], work[1, 1], work[1, 2]
     # S = I dt + A dt^2/2 + A^2 dt^3/6, so that e^(A dt) = I + A S.
     s2, s3 = dt * dt / 2.0, dt * dt * dt / 6.0
@@ -136,8 +136,8 @@ def local_model(
     s11 = dt + s2 * a11 + s3 * (a10 * a01 + a11 * a11)
     work[0, 0] -= (work[0, 2] - 1.0) * q_gust
     work[1, 0] -= work[1, 2] * q_gust
-    c0 = work[0, 0] - a00 * alpha - a01 * q - work[0, 3] * believed * elevator
-    c1 = work[1, 0] - a10 * alpha - a11 * q - work[1, 3] * believed * elevator
+    c0 = work[0, 0] - a00 * alpha - a01 * q - work[0, 3] * effectiveness * elevator
+    c1 = work[1, 0] - a10 * alpha - a11 * q - work[1, 3] * effectiveness * elevator
     model[0, 0], model[0, 1] = 1.0 + a00 * s00 + a01 * s10, a00 * s01 + a01 * s11
     model[1, 0], model[1, 1] = a10 * s00 + a11 * s10, 1.0 + a10 * s01 + a11 * s11
     model[0, 2], model[1, 2] = s00 * work[0, 3] + s01 * work[1, 3], s10 * work[0, 3] + s11 * work[1, 3]
@@ -147,18 +147,18 @@ def local_model(
 
 @compiled
 def local_models(
-    schedule: Array, models: Array, believed: Array, dt: float, alpha: Array, q: Array, elevator: Array, mach: Array, altitude_m: Array,
-    theta: Array, phi: Array,
+    schedule: Array, models: Array, effectiveness: Array, dt: float, alpha: Array, q: Array, elevator: Array, mach: Array,
+    altitude_m: Array, theta: Array, phi: Array,
 ) -> None:  # fmt: skip
     """Write the models of the periods that end at ticks 1, 2, ... into ``models``: (T, 2, 4), each as ``local_model``, in calm air.
 
-    ``believed``, alpha and so on are (T,): at a period's start, but for the elevator, which is that over the period and stands at its end.
+    ``effectiveness``, alpha and so on are (T,), at the start of a period; the elevator's mean over a period is at the end of the period.
     """
     work = np.empty((2, 4))
     for k in range(1, models.shape[0]):
         i = k - 1
         local_model(
-            schedule, models[k], work, believed[i], dt, alpha[i], q[i], elevator[k], mach[i], altitude_m[i], theta[i], phi[i], 0.0
+            schedule, models[k], work, effectiveness[i], dt, alpha[i], q[i], elevator[k], mach[i], altitude_m[i], theta[i], phi[i], 0.0
         )  # fmt: skip
 
 
@@ -166,15 +166,15 @@ def local_models(
 def tick(
     bank: Array, settings: Array, schedule: Array, dt: float, elevator: float, z0: float, z1: float,
     alpha: float, q: float, mach: float, altitude_m: float, theta: float, phi: float, k: int,
-) -> Found:  # fmt: skip
+) -> TickResult:  # fmt: skip
     """Advance a bank by one sample on the schedule: ``kernels.tick`` with the model of the period that ends now.
 
-    Where the process noise follows disturbances, the gust's pitch rate is taken off too. A vertical gust w that varies along the flight
-    path turns the air past the aircraft at q_g = (s/V) / (1 + 4 b s/(pi V)) w (MIL-F-8785C 3.7.2), and w/V is what alpha does that
-    the model does not account for. The sensor's share in it is kept out by a Wiener gain, 1 - noise/total.
+    If the process noise follows disturbances, the gust's pitch rate is also subtracted. A vertical gust w that varies along the flight
+    path rotates the surrounding air at q_g = (s/V) / (1 + 4 b s/(pi V)) w (MIL-F-8785C 3.7.2); w/V is estimated by the change of alpha
+    that the model does not explain. A Wiener gain, 1 - noise/total, removes the sensor's share.
 
     Args:
-        bank, settings, k: as ``kernels.tick``; the model in the settings is overwritten.
+        bank, settings, k: as in ``kernels.tick``; the model in the settings is overwritten.
         schedule: ``Schedule.packed()``.
         dt: the period, s.
         elevator: mean measured deflection over the period, rad.
@@ -182,7 +182,7 @@ def tick(
         alpha, q, mach, altitude_m, theta, phi: measured at the period's start.
 
     Returns:
-        As ``kernels.tick``.
+        As in ``kernels.tick``.
 
     """
     if k > 0:
@@ -207,9 +207,9 @@ def tick(
             share * rate * last,
         )
         if follow:
-            told = model[0, 0] * alpha + model[0, 1] * q + model[0, 2] * bank[24, 0] * elevator + model[0, 3]
-            bank[40, 0] = (1.0 - rate * dt) * last + z0 - told
+            predicted = model[0, 0] * alpha + model[0, 1] * q + model[0, 2] * bank[24, 0] * elevator + model[0, 3]
+            bank[40, 0] = (1.0 - rate * dt) * last + z0 - predicted
             bank[41, 0] += max(1.0 / 300.0, 1.0 / (k + 20.0)) * (bank[40, 0] * bank[40, 0] - bank[41, 0])
-            # The mean over a period of two frames, each under the gust at its beginning, has a quarter of the new value.
+            # The mean over a period of two frames, each with the gust at its start, contains a quarter of the new value.
             model[1, 3] -= damping * dt * share * rate * 0.25 * (bank[40, 0] - last)
     return advance(bank, settings, elevator, z0, z1, k)

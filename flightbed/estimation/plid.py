@@ -1,11 +1,11 @@
 """Pseudo-linear identification (PLID): state and parameters of a plant of any order from one linear Kalman filter.
 
-With one input and one output, the observable-canonical form x+ = J x + a y + b u, y = x_n + b_n u (J shifts down) is linear in state and
-parameters together once y is measured: s = (x, a, b[, b_n]) obeys s+ = F(y, u) s, y = H(u) s, and the Kalman filter applies. (Kemp,
+With one input and one output, the observable-canonical form x+ = J x + a y + b u, y = x_n + b_n u (J shifts down) is jointly linear in
+state and parameters once y is measured: s = (x, a, b[, b_n]) obeys s+ = F(y, u) s, y = H(u) s, and the Kalman filter applies. (Kemp,
 Pseudo-Linear Identification and Its Application to Adaptive Control, MS thesis, Virginia Polytechnic Institute, 1987, S 2.2-2.4.)
 
-Without noise of the readings (r = 0) y in F is exact and the filter is the exact conditional mean: unbiased under process noise. With
-it y in F is noisy, which the filter does not know: the parameters are biased.
+Without noise of the readings (r = 0), y in F is exact and the filter is the exact conditional mean: unbiased under process noise. With
+noise of the readings, y in F is noisy, which the filter does not model: the parameters are biased.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ Step = Callable[..., tuple[Any, Any, Any]]  # numbers of that type
 
 @dataclass(frozen=True)
 class Tracking:
-    """What keeps the filter from falling asleep when the plant may change (Kemp S 4.1-4.3); nothing of it by default.
+    """Methods that keep the gain of the filter up when the plant may change (Kemp S 4.1-4.3); all off by default.
 
     Attributes:
         block_fade: alpha >= 1 on the covariance of the parameters alone, eq (4.3): the tracking PLID; the thesis takes 1.001.
         whole_fade: alpha >= 1 on the whole F P F', eq (4.2): Gelb's fading memory.
         pseudonoise_var: gamma, added to the variance of each parameter at every sample, eq (4.1).
-        reset_every: samples after which the covariance is set to the prior's again; 0 never.
-        reset_below: the covariance is reset when the norm of the parameters' Kalman gains falls below (the state's stay up in noise);
-            0 never.
+        reset_every: samples after which the covariance is reset to the prior's; 0: never.
+        reset_below: norm of the parameters' Kalman gains below which the covariance is reset (the state's gains do not decay under
+            noise); 0: never.
 
     """
 
@@ -56,14 +56,14 @@ class PlidConfig:
     """Settings of the filter. Input and output in the caller's units; variances in their squares.
 
     Attributes:
-        order: n, of the plant.
-        feedthrough: whether the output holds b_n u of the same sample, and b_n is identified: 3n + 1 states instead of 3n.
-        process_var: q of Q_1 = q I, process noise on each state, eq (3.3).
-        output_var: r, noise of the readings of y.
-        prior: s(0) = (x, a, b[, b_n]), each lowest index first; zeros if empty, eq (2.24).
-        prior_var: P(0): one variance for all, or one for each.
-        tracking: how changes of the plant are followed.
-        dtype: of state and covariance, and of every operation on them.
+        order: n, order of the plant.
+        feedthrough: whether the output contains b_n u of the same sample, and b_n is identified: 3n + 1 states instead of 3n.
+        process_var: q of Q_1 = q I, process noise of each state, eq (3.3).
+        output_var: r, variance of the readings of y.
+        prior: s(0) = (x, a, b[, b_n]), each in ascending order of the index; zeros if empty, eq (2.24).
+        prior_var: P(0): one variance for all components, or one for each.
+        tracking: method for following changes of the plant.
+        dtype: type of state, covariance, and every operation on them.
 
     """
 
@@ -83,7 +83,7 @@ class PlidConfig:
             raise ValueError("variances must not be negative")
         for name, value in (("prior", self.prior), ("prior_var", self.prior_var)):
             if isinstance(value, tuple) and len(value) not in (self.size, 0 if name == "prior" else self.size):
-                raise ValueError(f"{name} needs {self.size} values, of x, a and b (got {len(value)})")
+                raise ValueError(f"{name} needs {self.size} values, for x, a and b (got {len(value)})")
 
     @property
     def size(self) -> int:
@@ -93,12 +93,12 @@ class PlidConfig:
 
 @dataclass(frozen=True)
 class Form:
-    """How the covariance is held and advanced.
+    """Form in which the covariance is stored and advanced.
 
     Attributes:
         step: the kernel, as ``step``.
-        start: (N,) variances -> what is stored, (N, N), float64.
-        covariance: what is stored -> P.
+        start: (N,) variances -> stored array, (N, N), float64.
+        covariance: stored array -> P.
 
     """
 
@@ -121,18 +121,18 @@ def step(
 ) -> tuple[Any, Any, Any]:
     """Advance state and covariance by one sample, Kemp eqs (2.23) with the fading of (4.1)-(4.3).
 
-    Departures: only one half of P is computed in the correction and mirrored, so that it stays symmetric (the listing lets the halves
-    drift apart); an innovation variance that round-off made negative changes nothing (the listing divides by it); y(0) corrects the
-    prior too, as in (2.26), which for a diagonal prior changes nothing that follows when there is no feedthrough.
+    Departures: the correction computes one half of P and mirrors it, so that P stays symmetric (in the listing the halves drift apart);
+    a sample with an innovation variance made negative by round-off is skipped (the listing divides by it); y(0) also corrects the prior,
+    as in (2.26), which has no later effect for a diagonal prior without feedthrough.
 
     Args:
         s: (N,) extended state, updated.
         P: (N, N) covariance, updated.
         gain: (N,) Kalman gain, written.
         settings: r, q, whole fade, block fade, gamma, the smallest normal number.
-        y_before, u_before: output and input of the sample before.
+        y_before, u_before: output and input of the previous sample.
         y, u: output and, for feedthrough, input of this sample.
-        first: no sample was before.
+        first: whether this is the first sample.
 
     Returns:
         innovation, its variance, squared norm of the parameters' gains.
@@ -145,7 +145,7 @@ def step(
     r, q, whole, block, gamma = settings[0], settings[1], settings[2], settings[3], settings[4]
     yb, ub, yn, un = real(y_before), real(u_before), real(y), real(u)
     if not first:
-        for i in range(n - 1, -1, -1):  # s- = F s, F P: upwards, so that row i - 1 is still the old one
+        for i in range(n - 1, -1, -1):  # s- = F s, F P: in descending order, so that row i - 1 still has its old value
             above = s[i - 1] if i > 0 else zero
             s[i] = above + yb * s[n + i] + ub * s[2 * n + i]
             for j in range(N):
@@ -192,11 +192,11 @@ CONVENTIONAL = Form(step, np.diag, lambda P: P)
 
 
 class Plid:
-    """A filter at work; owns its state.
+    """The filter; owns its state.
 
     Args:
         config: settings.
-        form: of the covariance: as it is, or factored (``udu.FACTORED``).
+        form: form of the covariance: conventional, or factored (``udu.FACTORED``).
 
     """
 
@@ -225,7 +225,7 @@ class Plid:
 
         Args:
             y: output.
-            u_before: input that acted since the last sample; not used with the first.
+            u_before: input since the previous sample; not used at the first.
             u: input of this sample; used with feedthrough only.
 
         """
@@ -239,13 +239,8 @@ class Plid:
             self._stored = self._start()
 
     @property
-    def extended_state(self) -> Array:
-        """Extended state (x, a, b[, b_n]), (N,)."""
-        return self._s.astype(np.float64)
-
-    @property
     def state(self) -> Array:
-        """State x, (n,); the last is the filtered output (less feedthrough)."""
+        """State x, (n,); the last component is the filtered output (without feedthrough)."""
         return self._s[: self.config.order].astype(np.float64)
 
     @property

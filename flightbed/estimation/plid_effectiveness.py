@@ -1,11 +1,12 @@
-"""Effectiveness by pseudo-linear identification: PLID finds the transfer function from elevator to pitch rate, K is its numerator's share.
+"""Effectiveness by pseudo-linear identification: PLID identifies the transfer function from elevator to pitch rate; its numerator gives K.
 
-With K of the elevator left, b_0 and b_1 of the second-order model are K times the healthy ones, a_0 and a_1 stay (force and moment lost
-alike). Kemp (1987) identifies a, b and the state together (S 2.2-2.4) and does not ask for K; how it is read out of b is ours:
+At effectiveness K, b_0 and b_1 of the second-order model are K times their healthy values, and a_0 and a_1 are unchanged (force and moment
+are lost equally). Kemp (1987) identifies a, b and the state together (S 2.2-2.4) but does not estimate K; its computation from b is an
+addition:
 
     K-hat = h' S^-1 b-hat / (h' S^-1 h),    sigma^2 = 1 / (h' S^-1 h)
 
-least squares of b-hat = K h + error, S the covariance of b-hat and h the healthy numerator at the flight condition.
+the least-squares solution of b-hat = K h + error, with S the covariance of b-hat and h the healthy numerator at the flight condition.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ class PlidEffectivenessConfig:
 
     Attributes:
         scheduled: take prior and healthy numerator from the schedule at the flight condition instead of the design model.
-        form, dtype: of the filter, see ``plid``.
-        block_fade: of its parameters; the thesis has 1.001, with which the readings of before a failure count for 10 s.
+        form, dtype: form and type of the filter, see ``plid``.
+        block_fade: fade factor of the parameters; 1.001 in the thesis, with which readings from before a failure count for 10 s.
         q_disturbance_rad_s2: process noise, a pitch acceleration held for a tick.
-        damping_std_1_s: with which a_0 and a_1 are known before the flight, as the error of a damping: over the rate it is theirs.
-        washout_rad_s: of the band pass through which pitch rate and elevator both go: trims and what a failure makes of them
-            are kept out, as PLID has no constant input.
-        filter_rad_s, filter_damping: of its upper end, w^2/(s^2 + 2 z w s + w^2).
+        damping_std_1_s: prior standard deviation of a_0 and a_1, as the error of a damping; divided by the control rate.
+        washout_rad_s: lower corner of the band pass of pitch rate and elevator; it removes the trim values and their change after a
+            failure, because PLID has no constant input.
+        filter_rad_s, filter_damping: upper corner of the band pass, w^2/(s^2 + 2 z w s + w^2).
         smoothing, bounds, prior_effectiveness, prior_effectiveness_var: as in LoopGainConfig.
 
     """
@@ -67,10 +68,10 @@ def band_pass(config: PlidEffectivenessConfig, hz: int) -> tuple[Array, Array]:
     return np.asarray(b, dtype=np.float64), np.asarray(a, dtype=np.float64)
 
 
-def projected(b: Array, healthy: Array, covariance: Array) -> tuple[float, float]:
-    """Return K-hat and its standard deviation, of numerators b and healthy (2,) and the covariance of b (2, 2).
+def project(b: Array, healthy: Array, covariance: Array) -> tuple[float, float]:
+    """Return K-hat and its standard deviation, from the numerators b and healthy (2,) and the covariance of b (2, 2).
 
-    A covariance that round-off has made indefinite weighs nothing: b is projected as it is.
+    If round-off has made the covariance indefinite, b is projected without weights.
     """
     s00, s01, s11 = float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
     h0, h1, b0, b1 = float(healthy[0]), float(healthy[1]), float(b[0]), float(b[1])
@@ -93,18 +94,18 @@ def transfer_function(A: Array, b: Array) -> tuple[Array, Array]:
 class PlidEffectiveness:
     """PLID of order 2 from the elevator's mean position to pitch rate; an Estimator.
 
-    Pitch rate is noisy, PLID takes the y in its model for exact, and in a loop the noise is in the elevator, too: as they are read, K
-    comes out above 1 whatever it is. Both signals pass the same band pass first, which leaves their transfer function alone and takes
-    most of the noise away. What remains of it in the equation, v_k - a_1 v_(k-1) - a_0 v_(k-2) of the filtered v, is the process noise
-    that PLID is told of, half of it on each of two states, and the readings count as exact. None of this is in the thesis. The state
-    that is passed on is the readings'.
+    PLID treats y in its model as exact, but pitch rate is noisy, and in a closed loop the elevator contains the same noise: with the raw
+    signals K-hat exceeds 1 at any K. Both signals therefore pass through the same band pass, which preserves their transfer function and
+    removes most of the noise. The remaining noise of the equation, v_k - a_1 v_(k-1) - a_0 v_(k-2) of the filtered v, enters PLID as
+    process noise, half on each of the two states, and the readings are treated as exact. All of this is an addition to the thesis. The
+    state of the estimate is that of the readings.
 
     Args:
         config: settings.
-        onboard: what is known of aircraft and sensors.
+        onboard: on-board knowledge of aircraft and sensors.
 
     Raises:
-        ValueError: a schedule is asked for, and there is none on board.
+        ValueError: the model is the schedule, but none is on board.
 
     """
 
@@ -120,14 +121,14 @@ class PlidEffectiveness:
         self._design = transfer_function(held.A, held.b)
         self._model, self._work = np.zeros((2, 4)), np.zeros((2, 4))
         self._numerator, self._denominator = band_pass(config, onboard.control_hz)
-        self._passed = np.zeros((3, 2))  # state of the band pass, of pitch rate and elevator
+        self._band_state = np.zeros((3, 2))  # state of the band pass, of pitch rate and elevator
         self._last: Measurement | None = None
         self._plid: Plid | None = None
         self._smoothed = 1.0
-        for _ in range(2):  # compile, or load what was compiled, now and not in flight
+        for _ in range(2):  # compile, or load from the cache, before the flight
             self.update(Measurement(0.05, 0.0, 0.0, 0.0, 0.6, 0.0, 0.05, 0.0))
         self._last, self._plid, self._smoothed = None, None, 1.0
-        self._passed[:] = 0.0
+        self._band_state[:] = 0.0
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
@@ -135,11 +136,11 @@ class PlidEffectiveness:
         self._last = measurement
         denominator, healthy = self._healthy(last)
         if self._plid is None:
-            self._plid = self._begun(denominator, healthy)
+            self._plid = self._start(denominator, healthy)
             self._first = np.array([measurement.q_rad_s, measurement.elevator_mean_rad])
         q, plid = measurement.q_rad_s, self._plid
         plid.update(*self._band(np.array([q, measurement.elevator_mean_rad]) - self._first))
-        raw, std = projected(plid.parameters[2:], healthy, plid.covariance[4:, 4:])
+        raw, std = project(plid.parameters[2:], healthy, plid.covariance[4:, 4:])
         bounded = min(max(raw, config.bounds[0]), config.bounds[1])
         self._smoothed = config.smoothing * self._smoothed + (1.0 - config.smoothing) * bounded
         innovation, variance = float(plid.innovation), float(plid.innovation_var)
@@ -150,22 +151,22 @@ class PlidEffectiveness:
         )  # fmt: skip
 
     def _band(self, signals: Array) -> list[float]:
-        """Pass pitch rate and elevator through the band pass (direct form II, transposed)."""
-        b, a, held = self._numerator, self._denominator, self._passed
+        """Filter pitch rate and elevator with the band pass (direct form II, transposed)."""
+        b, a, held = self._numerator, self._denominator, self._band_state
         out = b[0] * signals + held[0]
         held[:] = b[1:, None] * signals - a[1:, None] * out + np.vstack([held[1:], _NOTHING])
         found: list[float] = out.tolist()
         return found
 
     def _impulse(self) -> Array:
-        """Return the band pass's answer to an impulse, over 20 s."""
+        """Return the impulse response of the band pass, over 20 s."""
         from scipy.signal import lfilter  # slow to import
 
         struck = np.zeros(20 * self._hz)
         struck[0] = 1.0
         return np.asarray(lfilter(self._numerator, self._denominator, struck), dtype=np.float64)
 
-    def _begun(self, denominator: Array, healthy: Array) -> Plid:
+    def _start(self, denominator: Array, healthy: Array) -> Plid:
         config = self._config
         spread = config.prior_effectiveness_var * healthy**2
         left = np.convolve(self._impulse(), [1.0, -denominator[1], -denominator[0]])
@@ -184,7 +185,7 @@ class PlidEffectiveness:
         )
 
     def _healthy(self, at: Measurement) -> tuple[Array, Array]:
-        """Return denominator and numerator of the healthy aircraft over the period that begins at a measurement."""
+        """Return denominator and numerator, (2,) each, of the healthy aircraft over the period that starts at a measurement."""
         if self._schedule is None:
             return self._design
         pitch_model.local_model(

@@ -1,13 +1,14 @@
-"""The elevator's deflection that really acts, reconstructed from alpha and q as an unknown input, and K from it; an estimator.
+"""Reconstruction of the elevator's acting deflection from alpha and q as an unknown input, and K from it; an estimator.
 
-What is known is the aircraft's own pitch motion, gravity and thrust: x+ = A x + b u + c, x = (alpha, q), both measured, at every tick as
-the schedule on board has it (or the short period at the trim point). u is nobody's to tell: command, position and K do not enter. Two
-methods find it: ``retrospective_cost`` (Gupta and others 2012) and, as its rival, a Kalman filter whose state has u as a random walk
-(``input_observer``). ``following`` then holds it against the measured deflection, whose slope is K, and tells what no K explains.
+The known part is the aircraft's own pitch motion, gravity and thrust: x+ = A x + b u + c, x = (alpha, q), both measured, at every tick
+from the on-board schedule (or the short period at the trim point). u is unknown: command, position and K do not enter. Two methods
+reconstruct it: ``retrospective_cost`` (Gupta and others 2012) and, for comparison, a Kalman filter with u as a random walk in its state
+(``input_observer``). ``following`` then regresses it on the measured deflection: the slope is K, and a test detects deviations that no K
+explains.
 
-Departures from the paper: its examples optimize the input of the last sample alone, H~ = -C B; with the noise of sensors that is a
-difference quotient. Here the inputs of the last ``horizon`` samples are optimized together, and least squares fits all of them, which is
-the same method with other Markov parameters retained.
+Departures from the paper: its examples optimize the input of the last sample only, H~ = -C B, which amounts to a difference quotient of
+the noisy readings. Here the inputs of the last ``horizon`` samples are optimized together, and least squares fits all of them: the same
+method with other Markov parameters retained.
 """
 
 from __future__ import annotations
@@ -22,28 +23,28 @@ from flightbed.estimation import following, kernels, pitch_model
 from flightbed.estimation.actuator import ActuatorOnBoard
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.following import FollowingConfig
-from flightbed.estimation.following_kernels import ALARMS, follow, reopen
+from flightbed.estimation.following_kernels import ALARMS, follow, restart
 from flightbed.estimation.input_model import InputModel
 from flightbed.estimation.reconstruction_methods import (
-    ByRandomWalk,
-    ByRetrospectiveCost,
     Method,
+    RandomWalkMethod,
+    RetrospectiveCostMethod,
     RetrospectiveSettings,
     WalkSettings,
 )
 from flightbed.signals import Estimate, Measurement
 from flightbed.units import DEG
 
-FAR = 1e4  # innovation, in standard deviations, beyond which the model is put to the readings and begins anew
+FAR = 1e4  # innovation, in standard deviations, beyond which the method restarts from the readings
 
 
 @dataclass(frozen=True)
 class ReconstructionConfig:
-    """Settings of an estimator that reconstructs.
+    """Settings of the estimator.
 
     Attributes:
-        method: which, with its settings.
-        following: regression on the measured deflection, and test.
+        method: settings of the method, which also select it.
+        following: settings of the regression on the measured deflection, and of the test.
         scheduled: the model is the schedule, not the short period at the trim point.
         alpha_disturbance_rad_s, q_disturbance_rad_s2: as in LoopGainConfig.
 
@@ -57,14 +58,14 @@ class ReconstructionConfig:
 
 
 class PitchMotion:
-    """The pitch motion on board over one period, at a measurement.
+    """On-board model of the pitch motion over one period, at a measurement.
 
     Args:
-        onboard: what is known of the aircraft.
-        scheduled: by the schedule, else by the short period at the trim point.
+        onboard: on-board knowledge of the aircraft.
+        scheduled: True: the schedule; False: the short period at the trim point.
 
     Raises:
-        ValueError: a schedule is asked for, and there is none on board.
+        ValueError: the model is the schedule, but none is on board.
 
     """
 
@@ -80,7 +81,7 @@ class PitchMotion:
     def rows(self, m: Measurement, acting_rad: float) -> Array:
         """Return (2, 4), [A | b | c] of x+ = A x + b u + c, x = (alpha, q), u the deflection that acts, linearized at ``acting_rad``.
 
-        The array is the next call's too.
+        The next call overwrites the array.
         """
         if self._schedule is not None:
             pitch_model.local_model(
@@ -91,21 +92,28 @@ class PitchMotion:
 
 
 class Disturbances:
-    """What the readings show of rough air, as ``kernels.disturbance`` finds it, in standard deviations of the sensors; owns its sums."""
+    """Disturbances estimated from the readings, as in ``kernels.disturbance``, in standard deviations of the sensors; owns its sums."""
 
     def __init__(self) -> None:
         self._bank, self._settings, self._tick = kernels.new_bank(1), np.ones(23), 0
         self._bank[24, 0] = self._bank[34, 0] = self._bank[35, 0] = 1.0
 
-    def found(self, model: InputModel, acting: float, y: Array) -> Array:
-        """Return variances (2,) of what else than the deflection that K explains moves alpha and q in a tick; y (2,) ends the period."""
+    def variances(self, model: InputModel, acting: float, y: Array) -> Array:
+        """Return the variances (2,) of the disturbances of alpha and q in a tick.
+
+        Args:
+            model: model of the period that ends now.
+            acting: deflection that K and o explain, deg.
+            y: (2,) readings at the end of the period.
+
+        """
         rows = np.column_stack([model.A, model.B, model.G])
         more = kernels.disturbance(self._bank, self._settings, rows, acting, y[0], y[1], self._tick)
         self.at(y)
         return np.array(more)
 
     def at(self, y: Array) -> None:
-        """Take the readings (2,) that a period begins with."""
+        """Take the readings (2,) at the start of a period."""
         self._bank[36, 0], self._bank[37, 0] = y
         self._tick += 1
 
@@ -113,16 +121,16 @@ class Disturbances:
 class ElevatorReconstruction:
     """The acting deflection by one of the methods, K by regression, and the test; an Estimator, and Commanded.
 
-    The commands that it is told go to the test alone. ``alarms`` counts how often something was declared that no K explains, ``verdict``
-    says what: ``following_kernels.BESIDE`` (what acts does not follow the measured deflection: a bias, or a surface that has come off)
-    or ``following_kernels.ACTUATOR`` (it does, but does not follow the command: stuck, run to a stop, slow).
+    Only the test uses the commands. ``alarms`` counts the declared deviations that no K explains; ``verdict`` is the kind of the present
+    one: ``following_kernels.OFFSET`` (the acting deflection does not follow the measured one: a bias, or a detached surface) or
+    ``following_kernels.ACTUATOR`` (the measured deflection does not follow the command: stuck, hardover, rate-limited).
 
     Args:
         config: settings.
-        onboard: what is known of aircraft and sensors; without an actuator commands are not compared.
+        onboard: on-board knowledge of aircraft and sensors; without an actuator the commands are not used.
 
     Raises:
-        ValueError: a schedule is asked for, and there is none on board.
+        ValueError: the model is the schedule, but none is on board.
 
     """
 
@@ -136,42 +144,42 @@ class ElevatorReconstruction:
         self._Q = disturbed**2
         self._method: Method
         if isinstance(config.method, WalkSettings):
-            self._method = ByRandomWalk(config.method, self._Q)
+            self._method = RandomWalkMethod(config.method, self._Q)
         else:
-            self._method = ByRetrospectiveCost(config.method.config(DEG))
+            self._method = RetrospectiveCostMethod(config.method.config(DEG))
         self._settings = following.packed(config.following, noise.elevator_rad)
         self._window = config.following.window
         self._actuator = (
             ActuatorOnBoard(onboard.actuator, onboard.control_hz, onboard.delay_ticks) if onboard.actuator else None
         )
         self._follows = config.following.follow_disturbances
-        self._anew(config)
-        for _ in range(2):  # compile, or load what was compiled, now and not in flight
+        self._reset(config)
+        for _ in range(2):  # compile, or load from the cache, before the flight
             self.update(Measurement(0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0))
         assert self._before is not None
-        self._rough.found(self._before, 0.0, np.zeros(2))
-        reopen(self._memory, self._window)
-        self._anew(config)
+        self._rough.variances(self._before, 0.0, np.zeros(2))
+        restart(self._memory, self._window)
+        self._reset(config)
 
-    def _anew(self, config: ReconstructionConfig) -> None:
+    def _reset(self, config: ReconstructionConfig) -> None:
         self._memory = following.begin(self._method.states, config.following)
         self._rough, self._acting, self._explained = Disturbances(), 0.0, (1.0, 0.0)
         self._before: InputModel | None = None
         self._tick, self._lost = 0, False
 
     def _model(self, m: Measurement) -> InputModel:
-        """Return the model of the period that begins, readings in standard deviations and the input in deg."""
+        """Return the model of the period that starts now, readings in standard deviations and the input in deg."""
         sigma = self._sigma
         scaled = self._motion.rows(m, self._acting) / sigma[:, None]
         return InputModel(scaled[:, :2] * sigma, scaled[:, 2:3] * DEG, np.eye(2), scaled[:, 3:4])
 
     def commanded(self, elevator_cmd_rad: float) -> None:
-        """Take the command of the period that begins."""
+        """Take the command of the period that starts now, rad."""
         if self._actuator is not None:
             self._actuator.commanded(elevator_cmd_rad)
 
     def update(self, measurement: Measurement) -> Estimate:
-        """Take the readings of the next tick, return the estimate that includes them; of readings that are no numbers it tells nothing."""
+        """Take the readings of the next tick, return the estimate that includes them; nan, except alarms, if a reading is not finite."""
         m = measurement
         asked = self._actuator.mean() / DEG if self._actuator is not None else nan
         model, y = self._model(m), np.array([m.alpha_rad, m.q_rad_s]) / self._sigma
@@ -179,13 +187,15 @@ class ElevatorReconstruction:
         if not isfinite(float(model.A.sum() + model.B.sum() + model.G.sum() + y.sum()) + deflection):
             self._lost = True
             return Estimate(nan, nan, nan, nan, nan, nan, nan, alarms=float(self._memory.marks[ALARMS]))
-        if self._lost:  # begin anew, with the K that was known
+        if self._lost:  # restart, keeping K
             self._lost, self._before = False, None
-            reopen(self._memory, self._window)
+            restart(self._memory, self._window)
         if self._before is None:
             self._method.begin(model, y)
         if self._before is not None and self._follows and self._tick >= self._window:
-            process = process + self._rough.found(self._before, self._explained[0] * deflection + self._explained[1], y)
+            process = process + self._rough.variances(
+                self._before, self._explained[0] * deflection + self._explained[1], y
+            )
         else:
             self._rough.at(y)
         self._before, self._tick = model, self._tick + 1
@@ -193,30 +203,30 @@ class ElevatorReconstruction:
         if not (isfinite(found.input) and np.all(np.abs(found.innovation) < FAR)):
             self._method.begin(model, y)
             found = self._method.take(model, y)
-            reopen(self._memory, self._window)
-        told = follow(
+            restart(self._memory, self._window)
+        estimate = follow(
             *self._memory, self._settings, found.F, found.G, process, model.B[:, 0], found.innovation, found.input,
             deflection, asked,
         )  # fmt: skip
-        self._explained = told.slope, told.offset
+        self._explained = estimate.slope, estimate.offset
         self._acting = min(max(found.input, -90.0), 90.0) * DEG
         state, (alpha, q) = found.state * self._sigma, self._sigma
         return Estimate(
-            effectiveness=told.effectiveness,
-            effectiveness_std=told.effectiveness_std,
-            effectiveness_smoothed=told.effectiveness_smoothed,
-            effectiveness_raw=told.effectiveness_raw,
+            effectiveness=estimate.effectiveness,
+            effectiveness_std=estimate.effectiveness_std,
+            effectiveness_smoothed=estimate.effectiveness_smoothed,
+            effectiveness_raw=estimate.effectiveness_raw,
             alpha_rad=float(state[0]),
             q_rad_s=float(state[1]),
-            nis=told.nis,
-            alarms=told.alarms,
-            innovation_alpha_rad=told.innovation_alpha * alpha,
-            innovation_q_rad_s=told.innovation_q * q,
-            innovation_alpha_std_rad=told.innovation_alpha_std * alpha,
-            innovation_q_std_rad_s=told.innovation_q_std * q,
+            nis=estimate.nis,
+            alarms=estimate.alarms,
+            innovation_alpha_rad=estimate.innovation_alpha * alpha,
+            innovation_q_rad_s=estimate.innovation_q * q,
+            innovation_alpha_std_rad=estimate.innovation_alpha_std * alpha,
+            innovation_q_std_rad_s=estimate.innovation_q_std * q,
             reconstructed_rad=found.input * DEG,
-            reconstructed_std_rad=told.noise_std * DEG,
-            offset_rad=told.offset * DEG,
-            offset_std_rad=told.offset_std * DEG,
-            verdict=told.verdict,
+            reconstructed_std_rad=estimate.noise_std * DEG,
+            offset_rad=estimate.offset * DEG,
+            offset_std_rad=estimate.offset_std * DEG,
+            verdict=estimate.verdict,
         )

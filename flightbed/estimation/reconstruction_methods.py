@@ -1,7 +1,7 @@
-"""The two methods that find an unknown deflection in (alpha, q): their settings, and how their error goes on from tick to tick.
+"""The two methods that reconstruct an unknown deflection from (alpha, q): settings, and propagation of their error from tick to tick.
 
-Readings are in standard deviations of their sensors and the deflection in deg, so that weights, regularization and initial covariance have
-a size.
+Readings are in standard deviations of their sensors and the deflection in deg, which sets the scale of weights, regularization and initial
+covariance.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from flightbed.estimation.retrospective_cost import RetrospectiveConfig, Retrosp
 from flightbed.units import DEG
 
 _KNOWN = np.ones(1)
-NOTHING = 1e6  # variance of a state of which nothing is known: the first reading, which it is put to besides, counts once, not twice
+NOTHING = 1e6  # variance of an unknown state: the state starts at the first reading, which must not count twice
 
 
 @dataclass(frozen=True)
 class RetrospectiveSettings:
-    """Of ``RetrospectiveConfig``, on the aircraft.
+    """Settings of the retrospective cost on the aircraft, converted by ``config`` into a ``RetrospectiveConfig``.
 
     Attributes:
-        order: n_c, of the adaptive feedback.
-        horizon: samples whose inputs are optimized together: as many performances are stacked, and as many Markov parameters retained.
+        order: n_c, order of the adaptive feedback.
+        horizon: number of samples whose inputs are optimized together, of stacked performances and of retained Markov parameters.
         regularization: eta_0, constant, in variances of a reading per deg^2.
         forgetting: lambda of its least squares.
-        saturation_rad: bound of the optimized inputs, either side.
-        initial_covariance: gamma; also the bound above which nothing is forgotten.
+        saturation_rad: bound of the magnitude of the optimized inputs.
+        initial_covariance: gamma; also the mean variance above which forgetting stops.
 
     """
 
@@ -43,7 +43,7 @@ class RetrospectiveSettings:
     initial_covariance: float = 0.01
 
     def config(self, unit: float) -> RetrospectiveConfig:
-        """Return the settings of the method for an input in so many rad."""
+        """Return the settings of the method for an input in units of ``unit`` rad."""
         bound = self.saturation_rad / unit
         return RetrospectiveConfig(
             order=self.order,
@@ -60,10 +60,10 @@ class RetrospectiveSettings:
 
 @dataclass(frozen=True)
 class WalkSettings:
-    """Of the Kalman filter.
+    """Settings of the Kalman filter.
 
     Attributes:
-        step_rad: standard deviation of the step that u makes in a tick.
+        step_rad: standard deviation of the step of u per tick.
         initial_rad: standard deviation of u at the start.
 
     """
@@ -72,14 +72,14 @@ class WalkSettings:
     initial_rad: float = 10.0 * DEG
 
 
-class Reconstructed(NamedTuple):
-    """What a method says at a tick, in deg and standard deviations of the sensors.
+class InputReconstruction(NamedTuple):
+    """Reconstruction at a tick, in deg and standard deviations of the sensors.
 
     Attributes:
         input: u^.
         state: (2,) alpha and q.
-        innovation: (2,) readings less what was expected.
-        F, G: (n, n), (n, 2): how its error goes on, as ``following.follow`` has it.
+        innovation: (2,) readings minus their prediction.
+        F, G: (n, n), (n, 2): propagation of the method's error, as in ``following_kernels.follow``.
 
     """
 
@@ -91,19 +91,19 @@ class Reconstructed(NamedTuple):
 
 
 class Method(Protocol):
-    """A method of reconstruction; owns its state."""
+    """A method of reconstruction; owns its state. Its error has ``states`` components."""
 
     states: int
 
     def begin(self, model: InputModel, y: Array) -> None:
-        """Put the model to the readings of a tick."""
+        """Set the state to the readings y (2,) of a tick."""
 
-    def take(self, model: InputModel, y: Array) -> Reconstructed:
-        """Take the readings of the next tick; the model leads on from it."""
+    def take(self, model: InputModel, y: Array) -> InputReconstruction:
+        """Take the readings y (2,) of the next tick; the model is that of the period that starts there."""
 
 
-class ByRetrospectiveCost:
-    """Reconstruction by retrospective cost; its error's state is (e, u^ of the last n_c samples, z of the last n_c), newest first."""
+class RetrospectiveCostMethod:
+    """Reconstruction by retrospective cost; the state of its error is (e, last n_c u^, last n_c z), newest first."""
 
     def __init__(self, config: RetrospectiveConfig) -> None:
         self._config, self.states = config, 2 + 3 * config.order
@@ -117,28 +117,30 @@ class ByRetrospectiveCost:
         self._newest = slice(2 + nc, 4 + nc)
 
     def begin(self, model: InputModel, y: Array) -> None:
-        """Begin anew from the readings."""
+        """Restart from the readings."""
         self._cost = RetrospectiveCost(self._config, model, state=y)
-        self._F[self._newest, :2] = self._G[self._newest] = 0.0  # the first z is 0, whatever the readings' errors
+        self._F[self._newest, :2] = self._G[self._newest] = 0.0  # the first z is 0 at any error of the readings
 
-    def take(self, model: InputModel, y: Array) -> Reconstructed:
-        """Take the readings of the next tick; of noise the method knows nothing."""
+    def take(self, model: InputModel, y: Array) -> InputReconstruction:
+        """Take the readings of the next tick; the method has no model of their noise."""
         assert self._cost is not None
         found = self._cost.update(y, _KNOWN, model=model)
         F, theta = self._F, self._cost.gains
         F[:2, :2], F[2, 2:] = model.A, theta[0]
         F[:2, 2:] = -model.B @ theta
-        told = Reconstructed(float(found.input[0]), found.state, found.performance, F.copy(), self._G.copy())
+        reconstruction = InputReconstruction(
+            float(found.input[0]), found.state, found.performance, F.copy(), self._G.copy()
+        )
         F[self._newest, :2] = self._G[self._newest] = np.eye(2)
-        return told
+        return reconstruction
 
 
-class ByRandomWalk:
-    """Reconstruction by a Kalman filter of (x, u); its error's state is (e, u^).
+class RandomWalkMethod:
+    """Reconstruction by a Kalman filter of (x, u); the state of its error is (e, u^).
 
     Args:
-        settings: of the walk.
-        process: (2,) variances of what else moves alpha and q in a tick.
+        settings: settings of the random walk.
+        process: (2,) variances of the disturbances of alpha and q per tick.
 
     """
 
@@ -150,12 +152,12 @@ class ByRandomWalk:
         self._filter: InputKalmanFilter | None = None
 
     def begin(self, model: InputModel, y: Array) -> None:
-        """Begin anew from the readings."""
+        """Restart from the readings."""
         self._filter = InputKalmanFilter(
             self._dynamics, model, process=self._process, noise=np.eye(2), state_covariance=NOTHING * np.eye(2), state=y
         )
 
-    def take(self, model: InputModel, y: Array) -> Reconstructed:
+    def take(self, model: InputModel, y: Array) -> InputReconstruction:
         """Take the readings of the next tick."""
         assert self._filter is not None
         found = self._filter.update(y, _KNOWN, model=model)
@@ -166,4 +168,6 @@ class ByRandomWalk:
         corrected[:2, :2] -= gain[:2]
         corrected[2, :2] = gain[2]
         given = np.vstack([-gain[:2], gain[2:]])
-        return Reconstructed(float(found.input[0]), found.state, found.innovation, ahead @ corrected, ahead @ given)
+        return InputReconstruction(
+            float(found.input[0]), found.state, found.innovation, ahead @ corrected, ahead @ given
+        )

@@ -1,4 +1,4 @@
-"""Theorem 1 over a whole record, for any linear system: the reference form, and the batch form that it must equal."""
+"""Theorem 1 over a whole record, for any linear system: the recursive reference form, and the equivalent batch form."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def estimate_record(
 ) -> Recursion:
     """Run the joint filter for x+ = A x + K b u + w, z = C x + v over a record (Sillence eqs (31)-(37)).
 
-    Sillence eq (35) misprints u_k for u_k^2; this is Pachter's eq (35). A full R is whitened by its Cholesky factor
-    first, so that only scalars are inverted.
+    Sillence eq (35) misprints u_k for u_k^2; this is Pachter's eq (35). A full R is first whitened by its Cholesky factor, so that only
+    scalars are inverted.
 
     Args:
         A: (n, n); b: (n,); C: (m, n).
@@ -61,10 +61,8 @@ def batch_estimate(
 ) -> tuple[Array, Array]:
     """Estimate (x_0, K) by one weighted regression over the record (Sillence S 4.4, eqs (72)-(81)).
 
-    The rows of his V~ share past process noise, so their covariance is full; his eqs (76), (77) hold for Q = 0 only.
-
-    Args:
-        As estimate_record.
+    The rows of his V~ share past process noise, so their covariance is full; his eqs (76), (77) hold for Q = 0 only. Arguments as in
+    ``estimate_record``.
 
     Returns:
         (n+1,) estimate of (x at 0, K), and its (n+1, n+1) covariance.

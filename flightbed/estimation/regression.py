@@ -11,7 +11,7 @@ Array = npt.NDArray[np.float64]
 def difference_noise_covariance(a: Array, std: float, samples: int) -> Array:
     """Return R = E(V V') of V_k = v_k - a_1 v_(k-1) - ... - a_n v_(k-n), v white (Sillence eqs (18), (26)).
 
-    Sensor noise v that enters a regression on past outputs is filtered by the plant's own denominator: R is banded, not diagonal.
+    In a regression on past outputs, the plant's denominator filters the sensor noise v: R is banded, not diagonal.
 
     Args:
         a: (n,) coefficients of the difference equation y_(k+1) = a_1 y_k + ... ; his two-parameter example has n = 1.
@@ -30,7 +30,7 @@ def difference_noise_covariance(a: Array, std: float, samples: int) -> Array:
 def least_squares(H: Array, z: Array, R: Array) -> tuple[Array, Array]:
     """Return the minimum-variance estimate (H' R^-1 H)^-1 H' R^-1 z and its covariance (H' R^-1 H)^-1 (Sillence eqs (24), (25)).
 
-    His eq (25) multiplies the covariance by sigma^2 once more, which holds for an R in units of sigma^2 only; (22), (23) are R = sigma^2 I.
+    His eq (25) multiplies the covariance by another sigma^2, correct only for R in units of sigma^2; (22), (23) have R = sigma^2 I.
 
     Args:
         H: (N, p); z: (N,); R: (N, N) covariance of the noise.

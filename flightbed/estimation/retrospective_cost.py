@@ -1,14 +1,14 @@
-"""Retrospective-cost reconstruction of an unknown input, and with it the state (Gupta, D'Amato, Ali and Bernstein 2012).
+"""Retrospective-cost reconstruction of an unknown input and the state (Gupta, D'Amato, Ali and Bernstein 2012).
 
-A model runs beside the plant, x^(k+1) = A x^(k) + B u^(k), and an adaptive feedback of order n_c makes u^ from the past output errors
-z = y - C x^ and its own past, u^(k) = theta(k) phi(k-1), so that z goes to 0: then u^ is what drives the plant. At each sample the past
-inputs that would have given a smaller error are computed (the retrospective optimum), and recursive least squares moves theta
-towards what would have produced them. Nothing is said about the input, but that a linear system of an order up to n_c can make it.
-With a model whose zeros are inside the unit circle u^ converges; a zero outside hides an input that grows like it, and the optimum
-has to be kept small (regularization, saturation).
+A model runs in parallel with the plant, x^(k+1) = A x^(k) + B u^(k). An adaptive feedback of order n_c computes u^ from the past output
+errors z = y - C x^ and its own past, u^(k) = theta(k) phi(k-1), so that z goes to 0; u^ then reconstructs the input of the plant. At each
+sample the method computes the past inputs that would have given a smaller error (the retrospective optimum), and recursive least squares
+moves theta towards gains that would have produced them. The only assumption about the input is that a linear system of order up to n_c
+can generate it. If the zeros of the model are inside the unit circle, u^ converges; a zero outside hides an input that grows with it,
+and the optimum must be kept small (regularization, saturation).
 
-Where this departs from the print: past inputs enter z with a minus (9)-(12); (37) prints y for z, which (6) feeds back; (39) lacks a
-minus; the left side of (30) is U*; ``retrospective_kernels.py`` has the equations as they must read.
+Corrections to the paper: past inputs enter z with a minus (9)-(12); (37) prints y for z, which (6) feeds back; (39) lacks a minus; the
+left side of (30) is U*. ``retrospective_kernels.py`` contains the corrected equations.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ _RULES = {"constant": kernels.CONSTANT, "performance": kernels.PERFORMANCE, "err
 
 @dataclass(frozen=True, eq=False)
 class RetrospectiveConfig:
-    """Settings. The defaults of ``delays`` and ``retained`` are the paper's examples: H~ = -C B, the last input is optimized.
+    """Settings. The defaults of ``delays`` and ``retained`` are those of the paper's examples: H~ = -C B, the last input is optimized.
 
     Attributes:
-        order: n_c, of the feedback.
+        order: n_c, order of the feedback.
         initial_covariance: gamma, P(0) = gamma I.
-        delays: k_j of the s performances z(k - k_j) that are stacked, 0 <= k_1 <= ... <= k_s.
-        retained: of each, the i of the Markov parameters H_i whose inputs u^(k - k_j - i) are optimized; the others stay in S.
-        fitted: which of the optimized inputs least squares fits: the oldest, as (39), or all of them.
+        delays: k_j of the s stacked performances z(k - k_j), 0 <= k_1 <= ... <= k_s.
+        retained: for each delay, the i of the Markov parameters H_i whose inputs u^(k - k_j - i) are optimized; the others stay in S.
+        fitted: optimized inputs that least squares fits: the oldest, as in (39), or all.
         performance_weight: R1 (s p, s p), or a number times the identity.
         input_weight: R2 (g m, g m), or a number times the identity.
         regularization: eta_0 >= 0.
         regularized_by: eta = eta_0; eta_0 |Z(k)|^2 (31); eta_0 |U*(k-2) - U^(k-2)|^2 (32).
         saturation: bounds of the optimized inputs (33), in the input's unit.
         forgetting: lambda of least squares, 0 < lambda <= 1.
-        covariance_bound: mean of P's diagonal above which nothing is forgotten; not in the paper. Without it P overflows in the end
-            where forgetting < 1 and the input leaves directions unexcited, as one that is reconstructed does.
+        covariance_bound: mean of P's diagonal above which forgetting stops; not in the paper. Without the bound, P overflows eventually
+            if forgetting < 1 and the input leaves directions unexcited, as a reconstructed input does.
 
     Raises:
-        ValueError: a value out of its range.
+        ValueError: a value is out of its range.
 
     """
 
@@ -89,18 +89,18 @@ class RetrospectiveConfig:
 
     @property
     def lags(self) -> tuple[int, ...]:
-        """Return q_1 < ... < q_g: the optimized inputs are u^(k - q_i), eq (20)."""
+        """Lags q_1 < ... < q_g: the optimized inputs are u^(k - q_i), eq (20)."""
         return tuple(sorted({k + i for k, which in zip(self.delays, self.retained, strict=True) for i in which}))
 
 
 class Reconstruction(NamedTuple):
-    """What a sample says.
+    """Reconstruction at a sample.
 
     Attributes:
-        input: (m,) u^(k), of the period that begins now; from outputs up to y(k).
+        input: (m,) u^(k), the input of the period that starts now; from outputs up to y(k).
         state: (n,) x^(k), from outputs up to y(k-1).
         performance: (p,) z(k) = y(k) - C x^(k).
-        optimum: (g, m) U*: the inputs u*(k - q_1), u*(k - q_2) ... that would have been better.
+        optimum: (g, m) U*, the retrospectively optimized inputs u*(k - q_1), u*(k - q_2) ...
 
     """
 
@@ -111,16 +111,16 @@ class Reconstruction(NamedTuple):
 
 
 class RetrospectiveCost:
-    """Reconstruct the input of a model; owns its state. Fed one output per sample, in order.
+    """Reconstruction of the input of a model; owns its state. Takes one output per sample, in order.
 
     Args:
         config: settings.
-        model: of the first sample, and of the others unless they bring their own.
-        state: (n,) x^(0); zeros without.
+        model: model of the first sample, and default of the later ones.
+        state: (n,) x^(0); zeros if None.
 
     Raises:
-        ValueError: weights or state of another shape than the model asks for; weights that are not positive definite; no unique optimum,
-            eq (27): H~ lacks full column rank and eta is 0; or full rank, and eta follows what may be 0.
+        ValueError: weights or state have a wrong shape; weights are not positive definite; or no unique optimum exists, eq (27): H~ lacks
+            full column rank and eta is 0, or lacks full rank and eta follows a quantity that can be 0.
 
     """
 
@@ -144,13 +144,13 @@ class RetrospectiveCost:
         self._theta = np.zeros((m, length))
         self._P = config.initial_covariance * np.eye(length)
         self._U, self._Z = np.zeros((lags[-1] + order, m)), np.zeros((lags[-1] + order + 1, p))
-        # Before the first sample the model is taken to have been as it is at it.
+        # Before the first sample the model is assumed equal to that of the first sample.
         self._As, self._Bs = np.tile(model.A, (r, 1, 1)), np.tile(model.B, (r, 1, 1))
         self._H = np.tile(model.markov(r), (config.delays[-1] + 1, 1, 1, 1))
         self._numbers = np.array(
             [config.regularization, config.forgetting, *config.saturation, config.covariance_bound, 0.0, 0.0]
         )
-        wide, _, _ = kernels.stacked(self._H, self._Z, self._U, *self._shape[:3])
+        wide, _, _ = kernels.stack(self._H, self._Z, self._U, *self._shape[:3])
         rank, eta = int(np.linalg.matrix_rank(wide)), config.regularization
         if (eta == 0.0 and rank < g * m) or (config.regularized_by != "constant" and rank < min(wide.shape)):
             raise ValueError(
@@ -171,13 +171,13 @@ class RetrospectiveCost:
     def update(
         self, y: Array, known: Array | None = None, *, model: InputModel | None = None, adapt: bool = True
     ) -> Reconstruction:
-        """Take the output of the next sample; return what it says.
+        """Take the output of the next sample; return the reconstruction.
 
         Args:
             y: (p,) output.
-            known: (l,) known input over the period that begins now; None if the model has none.
-            model: of this sample: its C is that of y, its A, B, G lead to the next; the same sizes as the first.
-            adapt: beta of (39): whether least squares runs; without it theta and P are kept.
+            known: (l,) known input over the period that starts now; None if the model has none.
+            model: model of this sample: C of this sample, A, B, G of the period that starts now; sizes as in the first model.
+            adapt: beta of (39): whether least squares runs; if False, theta and P stay.
 
         """
         model = self._model if model is None else model

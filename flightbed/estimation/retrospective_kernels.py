@@ -1,7 +1,7 @@
-"""Arithmetic of retrospective-cost input reconstruction, compiled: one sample from reading to reconstruction.
+"""Compiled arithmetic of retrospective-cost input reconstruction: one sample, from output to reconstruction.
 
-Histories have the newest first. With k the sample that is being taken in: ``U[i]`` is u-hat(k-1-i), ``Z[i]`` is z(k-i), ``H[d]`` are the
-Markov parameters of sample k-d, ``As[i]``, ``Bs[i]`` the model of sample k-1-i.
+Histories have the newest value first. With k the present sample, ``U[i]`` is u-hat(k-1-i), ``Z[i]`` is z(k-i), ``H[d]`` are the Markov
+parameters of sample k-d, and ``As[i]``, ``Bs[i]`` are the model of sample k-1-i.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from flightbed.compiling import compiled
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-CONSTANT, PERFORMANCE, ERROR = 0, 1, 2  # what the regularization follows
+CONSTANT, PERFORMANCE, ERROR = 0, 1, 2  # rules of the regularization, see ``regularization``
 
 
 @compiled
 def push(history: Array, newest: Array) -> None:
-    """Put a value before a history (depth, ...), whose oldest is lost."""
+    """Insert a value at the front of a history (depth, ...); the oldest value is dropped."""
     for i in range(history.shape[0] - 1, 0, -1):
         history[i] = history[i - 1]
     history[0] = newest
@@ -27,12 +27,12 @@ def push(history: Array, newest: Array) -> None:
 
 @compiled
 def markov(C: Array, As: Array, Bs: Array, found: Array) -> None:
-    """Find how y(k) depends on u-hat(k-i), i = 1 ... r: C A(k-1) ... A(k-i+1) B(k-i), eq (7) of a model that may vary.
+    """Compute the Markov parameters of y(k) with respect to u-hat(k-i), i = 1 ... r: C A(k-1) ... A(k-i+1) B(k-i), eq (7), time-varying.
 
     Args:
         C: (p, n) of sample k.
         As, Bs: (r, n, n), (r, n, m), newest first.
-        found: (r, p, m), is filled.
+        found: (r, p, m), written.
 
     """
     row = C.copy()
@@ -42,17 +42,17 @@ def markov(C: Array, As: Array, Bs: Array, found: Array) -> None:
 
 
 @compiled
-def stacked(
+def stack(
     H: Array, Z: Array, U: Array, delays: Indices, retained: Indices, lags: Indices
 ) -> tuple[Array, Array, Array]:
     """Return H~ (s p, g m), Z (s p,) and U-hat~ (g m,) of eqs (17)-(20).
 
-    z = y - y^ makes past inputs enter with a minus, which (9)-(12) lack: H~ has blocks -H_i.
+    Because z = y - y^, past inputs enter with a minus, missing in (9)-(12): H~ has blocks -H_i.
 
     Args:
         H: (depth, r, p, m); Z: (depth, p); U: (depth, m).
         delays: (s,) k_j.
-        retained: (s, r), 1 where block j optimizes the input behind H_i.
+        retained: (s, r), 1 where block j optimizes the input of H_i.
         lags: (g,) q_1 < ... < q_g.
 
     """
@@ -75,11 +75,11 @@ def optimum(H: Array, z: Array, u: Array, R1: Array, R2: Array, eta: float) -> A
     """Return the retrospectively optimized inputs U*, the minimum of the cost (25), Gupta et al. eqs (24)-(30).
 
     J = Z^' R1 Z^ + eta U*' R2 U*, Z^ = Z - H~ U-hat + H~ U*; so U* = -(H~' R1 H~ + eta R2)^-1 H~' R1 (Z - H~ U-hat). With more inputs than
-    performances it is computed as -R2^-1 H~' (H~ R2^-1 H~' + eta R1^-1)^-1 (Z - H~ U-hat), the same for eta > 0, and well conditioned
-    when an eta that follows the performance goes to 0: then it is the minimum of the R2 norm among the minima.
+    performances it is computed as -R2^-1 H~' (H~ R2^-1 H~' + eta R1^-1)^-1 (Z - H~ U-hat), which is equal for eta > 0 and stays well
+    conditioned as an eta that follows the performance goes to 0: the limit is the minimum with the smallest R2 norm.
 
     Args:
-        H: (s p, g m); z: (s p,); u: (g m,) what was applied.
+        H: (s p, g m); z: (s p,); u: (g m,) applied inputs.
         R1: (s p, s p), R2: (g m, g m), positive definite.
         eta: regularization, >= 0.
 
@@ -96,7 +96,7 @@ def optimum(H: Array, z: Array, u: Array, R1: Array, R2: Array, eta: float) -> A
 
 @compiled
 def scalar_optimum(h: float, z: float, u: float, r1: float, r2: float, eta: float) -> float:
-    """Return ``optimum`` of one input and one performance: H~ = -C B of the paper's examples."""
+    """Return ``optimum`` for one input and one performance, H~ = -C B, as in the paper's examples."""
     return -h * r1 * (z - h * u) / (h * r1 * h + eta * r2)
 
 
@@ -104,7 +104,7 @@ def scalar_optimum(h: float, z: float, u: float, r1: float, r2: float, eta: floa
 def regressor(U: Array, Z: Array, lag: int, order: int) -> Array:
     """Return phi(k-q-1) = (u-hat(k-q-1) ... u-hat(k-q-n_c), z(k-q-1) ... z(k-q-n_c)), q the lag.
 
-    Eq (37) prints y where (6) feeds back z; z is meant.
+    Eq (37) prints y instead of z, which (6) feeds back; z is correct.
     """
     m, p = U.shape[1], Z.shape[1]
     phi = np.empty(order * (m + p))
@@ -118,8 +118,8 @@ def regressor(U: Array, Z: Array, lag: int, order: int) -> Array:
 def least_squares(theta: Array, P: Array, phi: Array, target: Array, forgetting: float, bound: float) -> None:
     """Update theta (m, L) and P (L, L) by one regressor (L,) and target (m,), in place: eqs (39), (40).
 
-    (39) lacks a minus: theta goes towards the target. Nothing is forgotten while the mean of P's diagonal is above the bound: directions
-    that phi does not excite would grow as forgetting^-k until they overflow. The paper has no bound.
+    (39) lacks a minus: theta moves towards the target. Forgetting stops while the mean of P's diagonal is above the bound; otherwise
+    directions that phi does not excite grow as forgetting^-k and overflow. The bound is an addition to the paper.
     """
     if np.trace(P) > bound * P.shape[0]:
         forgetting = 1.0
@@ -153,12 +153,13 @@ def take(
     Args:
         y: (p,).
         model: A, B, C of this sample; known: (n,) G v.
-        memory: x (n,), theta, P, U, Z, H, As, Bs: all are updated.
-        shape: delays, retained, lags, as in ``stacked``; then the lags whose inputs least squares fits.
+        memory: x (n,), theta, P, U, Z, H, As, Bs; all updated.
+        shape: delays, retained, lags, as in ``stack``; and the indices of the lags whose inputs least squares fits.
         weights: R1, R2.
-        numbers: eta, forgetting, lower and upper saturation, bound of P; |U* - U-hat|^2 of the last sample, samples taken: both updated.
+        numbers: eta, forgetting, lower and upper saturation, bound of P; |U* - U-hat|^2 of the last sample, number of samples, both
+            updated.
         order: n_c.
-        rule: what eta follows.
+        rule: CONSTANT, PERFORMANCE or ERROR.
         adapt: whether least squares runs, beta of (39).
 
     Returns:
@@ -174,7 +175,7 @@ def take(
     here = np.empty(H.shape[1:])
     markov(C, As, Bs, here)
     push(H, here)
-    wide, performance, applied = stacked(H, Z, U, delays, retained, lags)
+    wide, performance, applied = stack(H, Z, U, delays, retained, lags)
     eta = regularization(rule, numbers[0], performance, numbers[5])
     best = np.empty(applied.size)
     if wide.size == 1:
@@ -189,7 +190,7 @@ def take(
         for column in fitted:
             phi = regressor(U, Z, lags[column], order)
             least_squares(theta, P, phi, best[column * m : (column + 1) * m], forgetting, numbers[4])
-            forgetting = 1.0  # once a sample, of however many inputs
+            forgetting = 1.0  # forget once per sample, at any number of inputs
     u = theta @ regressor(U, Z, 0, order)
     push(U, u)
     push(As, A)

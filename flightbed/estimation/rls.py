@@ -1,12 +1,12 @@
-"""Recursive least squares with variable forgetting on differentiated pitch rate: the baseline that practice uses.
+"""Recursive least squares with variable forgetting on differentiated pitch rate: the baseline from practice.
 
-Adaptive incremental inversion (AIDI) identifies control effectiveness from accelerations that are pitch rates, filtered and
-differentiated; what the airframe does of itself is taken from its model. One unknown is left,
+Adaptive incremental inversion (AIDI) identifies control effectiveness from accelerations, obtained by filtering and differentiating pitch
+rates; the on-board model supplies the acceleration of the airframe itself. One unknown remains,
 
     q'_f - (m_0 + M_alpha alpha + M_q q)_f = K (M_delta delta)_f + noise,
 
-every term through the same second-order filter, so that its lag cancels. K follows by least squares with a forgetting factor that
-falls when the prediction error is large (Fortescue, Kershenbaum and Ydstie, Automatica 17 (1981) 831).
+with every term passed through the same second-order filter, so that its lag cancels. K follows by least squares with a forgetting factor
+that decreases at large prediction errors (Fortescue, Kershenbaum and Ydstie, Automatica 17 (1981) 831).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from flightbed.compiling import Array, compiled
 from flightbed.estimation import pitch_model
 from flightbed.estimation.base import OnBoard
-from flightbed.estimation.kernels import Found
+from flightbed.estimation.kernels import TickResult
 from flightbed.signals import Estimate, Measurement
 
 
@@ -28,9 +28,9 @@ class RlsConfig:
     """Settings of the baseline. SI, radians.
 
     Attributes:
-        scheduled: take the airframe's own acceleration from the schedule instead of the short period.
+        scheduled: compute the airframe's own acceleration from the schedule instead of the short period.
         forgetting: smallest forgetting factor.
-        filter_rad_s, filter_damping: of the second-order filter w^2/(s^2 + 2 z w s + w^2).
+        filter_rad_s, filter_damping: w and z of the second-order filter w^2/(s^2 + 2 z w s + w^2).
         smoothing, bounds, prior_effectiveness, prior_effectiveness_var: as in LoopGainConfig.
 
     """
@@ -46,15 +46,16 @@ class RlsConfig:
 
 
 @compiled
-def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) -> Found:
-    """Take the readings of tick k; returns the fields of an Estimate.
+def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) -> TickResult:
+    """Take the readings of tick k; return the fields of an Estimate.
 
     Args:
-        state: of DifferentiatedRls: two last pitch rates; outputs of the filters, q'_f, model_f and control_f, their last two values
-            each; last two inputs model and control; K, its variance, smoothed K; room.
-        settings: of DifferentiatedRls.
-        schedule: ``Schedule.packed()``, or empty: then the short period is the model.
+        state: state of DifferentiatedRls, updated: last two pitch rates; last two values of the filter outputs q'_f, model_f and
+            control_f; last two inputs model and control; K, its variance, smoothed K; scratch.
+        settings: settings of DifferentiatedRls.
+        schedule: ``Schedule.packed()``; empty: the model is the short period.
         now: the fields of the Measurement.
+        k: number of the tick.
 
     """
     alpha, q, elevator = now[0], now[1], now[2]
@@ -62,7 +63,7 @@ def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) 
         settings[0], settings[1], settings[2], settings[3], settings[4], settings[5], settings[6],
     )  # fmt: skip
     smoothed = state[14]
-    # The acceleration that the airframe has of itself, and what a fully effective elevator adds.
+    # Acceleration of the airframe itself, and that due to an elevator with K = 1.
     if schedule.size == 0:
         model = settings[11] * (alpha - settings[14]) + settings[12] * q - settings[13] * settings[15]
         control = settings[13] * elevator
@@ -72,7 +73,7 @@ def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) 
         pitch_model.rates(schedule, there, alpha, q, smoothed * elevator, now[4], now[5], now[6], now[7])
         model = here[1, 0]
         control = (there[1, 0] - here[1, 0]) / (smoothed if smoothed > 1e-6 else 1.0)
-    if k == 0:  # settled where the flight begins
+    if k == 0:  # filters in steady state at the start of the flight
         state[0], state[1], state[2], state[3] = q, q, 0.0, 0.0
         state[4], state[5], state[8], state[9] = model, model, model, model
         state[6], state[7], state[10], state[11] = control, control, control, control
@@ -105,15 +106,15 @@ def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) 
 class DifferentiatedRls:
     """Scalar least squares for K on filtered pitch acceleration; an Estimator.
 
-    The state that it passes on is the readings'. Its standard deviation is that of least squares with white errors of the expected
-    variance: the filtered errors are correlated, so it is too small. That is the baseline's, and is left as it is.
+    The state of its estimate is that of the readings. Its standard deviation is that of least squares with white errors of the expected
+    variance; it is too small, because the filtered errors are correlated. This belongs to the baseline and is not corrected.
 
     Args:
         config: settings.
-        onboard: what is known of aircraft and sensors.
+        onboard: on-board knowledge of aircraft and sensors.
 
     Raises:
-        ValueError: a schedule is asked for, and there is none on board.
+        ValueError: the model is the schedule, but none is on board.
 
     """
 
@@ -136,7 +137,7 @@ class DifferentiatedRls:
             impulse = [drive - a1 * impulse[0] - a2 * impulse[1], impulse[0]]
             gain += impulse[0] ** 2
         expected = gain * onboard.noise.q_rad_s**2  # variance of the differentiated pitch rate
-        kept = expected / (1.0 - 0.995)  # Fortescue's sum of squared errors: as many as the slowest memory holds
+        kept = expected / (1.0 - 0.995)  # Fortescue's sum of squared errors: the number in the longest memory
         design = onboard.design
         self._settings = np.array(
             [
@@ -148,7 +149,7 @@ class DifferentiatedRls:
         self._state = np.zeros(31)
         self._state[12:15] = config.prior_effectiveness, config.prior_effectiveness_var, 1.0
         self._tick = 0
-        # Compile, or load what was compiled, now and not in flight; tick 0 starts all anew.
+        # Compile, or load from the cache, before the flight; tick 0 resets the state.
         observe(
             self._state.copy(), self._settings, self._schedule, np.array([0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0]), 0
         )
@@ -160,5 +161,5 @@ class DifferentiatedRls:
         return Estimate(*found)
 
     def packed(self) -> tuple[Array, Array, Array]:
-        """Return copies of what ``observe`` takes: state, settings, schedule."""
+        """Return copies of the arrays of ``observe``: state, settings, schedule."""
         return self._state.copy(), self._settings.copy(), self._schedule.copy()

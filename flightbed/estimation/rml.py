@@ -1,4 +1,4 @@
-"""Recursive maximum likelihood: the parameters of an ARMAX model of any order, the yardstick of Kemp S 3.4.
+"""Recursive maximum likelihood: the parameters of an ARMAX model of any order, the comparison method of Kemp S 3.4.
 
     A(z^-1) y = B(z^-1) u + C(z^-1) e,  A = 1 + a_1 z^-1 + ... , B = b_1 z^-1 + ... , C = 1 + c_1 z^-1 + ...
 
@@ -25,10 +25,10 @@ class RmlConfig:
     Attributes:
         order: n, of A, B and C.
         prior_var: P(0) of a and b, in units of the variance of e; eq (3.15).
-        noise_prior_var: P(0) of c; with 0 C stays 1 and the method is recursive least squares.
-        forgetting: lambda, 0 < lambda <= 1; weights an error by lambda a sample of its age.
-        root_limit: largest modulus of the roots of C; those beyond are drawn back to it. At 1, as in the listing, the gradient may not
-            decay.
+        noise_prior_var: P(0) of c; with 0, C stays 1 and the method is recursive least squares.
+        forgetting: lambda, 0 < lambda <= 1; an error k samples old has the weight lambda^k.
+        root_limit: largest modulus of the roots of C; roots beyond are projected onto it. At 1, as in the listing, the gradient may
+            not decay.
 
     """
 
@@ -49,7 +49,7 @@ class RmlConfig:
 
 @compiled
 def within(c: Array, radius: float) -> bool:
-    """Tell whether all roots of z^n + c_1 z^(n-1) + ... + c_n lie within a circle around 0 (Schur-Cohn, by stepping down)."""
+    """Return whether all roots of z^n + c_1 z^(n-1) + ... + c_n lie within a circle around 0 (Schur-Cohn, step-down recursion)."""
     n = c.shape[0]
     work, last = np.empty(n), np.empty(n)
     scale = 1.0
@@ -83,14 +83,14 @@ def step(
     Args:
         theta: (3n,) a_1 .. a_n, b_1 .. b_n, c_1 .. c_n, updated.
         P: (3n, 3n) updated.
-        x: (3n,) regressor: -y, u, residuals, newest first in each; updated.
-        phi: (3n,) the same filtered by 1/C, the gradient of the prediction; updated.
+        x: (3n,) regressor: -y, u, residuals, the newest first in each; updated.
+        phi: (3n,) regressor filtered by 1/C, the gradient of the prediction; updated.
         forgetting, radius: lambda, and the limit for the roots of C.
-        residual: of the sample before, with the parameters after it: Kemp's "epsilon refinement".
-        y_before, u_before, y: output and input of the sample before, output of this one.
+        residual: of the previous sample, with the parameters updated by it: Kemp's "epsilon refinement".
+        y_before, u_before, y: output and input of the previous sample, output of this sample.
 
     Returns:
-        innovation, its weight's denominator lambda + phi' P phi, whether the roots of C are within the limit.
+        innovation, denominator of its gain lambda + phi' P phi, whether the roots of C are within the limit.
 
     """
     N = theta.shape[0]
@@ -120,9 +120,9 @@ def step(
 
 
 def drawn_back(c: Array, radius: float) -> Array:
-    """Return c_1 .. c_n with the roots of z^n + c_1 z^(n-1) + ... beyond a radius drawn back to it along theirs.
+    """Return c_1 .. c_n after projecting the roots of z^n + c_1 z^(n-1) + ... beyond a radius onto it, at the same angle.
 
-    The listing's trap, which is for n = 2 only.
+    The listing does this for n = 2 only.
     """
     roots = np.roots(np.concatenate([[1.0], c]))
     modulus = np.abs(roots)
@@ -131,9 +131,9 @@ def drawn_back(c: Array, radius: float) -> Array:
 
 
 class Rml:
-    """A recursion at work; owns its state. Its parameters are told as PLID's are, in the observable-canonical form, eq (3.10).
+    """The recursion; owns its state. Its parameters are those of the observable-canonical form, eq (3.10), as for PLID.
 
-    An unstable plant ends in numbers that are none, and so does the estimate: 1/C filters what grows without bound.
+    With an unstable plant the signals, and with them the estimate, overflow to nan: 1/C filters an unbounded signal.
     """
 
     def __init__(self, config: RmlConfig) -> None:
@@ -146,7 +146,7 @@ class Rml:
         self.innovation, self.projections = 0.0, 0
 
     def update(self, y: float, u_before: float) -> None:
-        """Take the output of the next sample, and the input that acted since the last; the first sample is only kept."""
+        """Take the output of the next sample and the input since the previous one; the first sample is only stored."""
         last, self._y = self._y, y
         if last is None:
             return

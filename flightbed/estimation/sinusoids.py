@@ -1,4 +1,4 @@
-"""Identification from sinusoidal tests: phasors -> transfer function (Sillence S 2.2), noise-free."""
+"""Identification from sinusoidal tests: transfer functions from phasors (Sillence S 2.2), without noise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Vector = npt.NDArray[np.float64]
 
 
 class TransferFunction(NamedTuple):
-    """H(s) = (b_1 s^(n-1) + ... + b_n) / (s^n - a_1 s^(n-1) - ... - a_n), Sillence eq (7); note the signs of a."""
+    """H(s) = (b_1 s^(n-1) + ... + b_n) / (s^n - a_1 s^(n-1) - ... - a_n), Sillence eq (7), with his signs of a; a and b are (n,)."""
 
     a: Vector
     b: Vector
@@ -30,7 +30,7 @@ def phasor(omega_rad_s: float, t_s: Vector, y: Vector) -> complex:
 
     Args:
         omega_rad_s: frequency of the test.
-        t_s: (N,) times, transients over.
+        t_s: (N,) times, after the transients.
         y: (N,) output.
 
     """
@@ -40,18 +40,18 @@ def phasor(omega_rad_s: float, t_s: Vector, y: Vector) -> complex:
 
 
 def transfer_function(omega_rad_s: Vector, response: npt.NDArray[np.complex128], *, order: int) -> TransferFunction:
-    """Find the 2n parameters of an order-n transfer function from its response to n or more sinusoids.
+    """Return the transfer function of order n, 2n parameters, from its response to n or more sinusoids.
 
     Sillence eq (12), H = sum_i H (j w)^-i a_i + sum_i (j w)^-i b_i, is linear in a and b; its real and imaginary parts are his
-    eq (14), two equations a frequency. With more than n frequencies it is solved by least squares.
+    eq (14), two equations per frequency. With more than n frequencies the solution is by least squares.
 
     Args:
-        omega_rad_s: (m,) frequencies, m >= n, different and not 0.
+        omega_rad_s: (m,) frequencies, m >= n, distinct and not 0.
         response: (m,) A + jB at each.
         order: n.
 
     Raises:
-        ValueError: fewer frequencies than the order, or frequencies that repeat.
+        ValueError: fewer than n distinct frequencies, or one is 0.
 
     """
     omega = np.asarray(omega_rad_s, dtype=np.float64)
@@ -66,7 +66,7 @@ def transfer_function(omega_rad_s: Vector, response: npt.NDArray[np.complex128],
 def second_order(omega_rad_s: float, response: complex) -> tuple[float, float]:
     """Return (omega_n, zeta) of omega_n^2 / (s^2 + 2 zeta omega_n s + omega_n^2) from one phasor A + jB (Sillence S 2.2.1).
 
-    The two equations printed on the way there lack an omega_n in the imaginary one; the results are right.
+    The imaginary one of his two intermediate equations lacks a factor omega_n; his results are correct.
 
     Raises:
         ValueError: no stable second-order system has this response.
@@ -76,6 +76,7 @@ def second_order(omega_rad_s: float, response: complex) -> tuple[float, float]:
     size = A * A + B * B
     if not size > A or not B < 0.0:
         raise ValueError(
-            f"no stable second-order system of unit gain answers with {response:g} at {omega_rad_s:g} rad/s"
+            f"no stable second-order system of unit gain has the response {response:g} at {omega_rad_s:g} rad/s; the imaginary part "
+            "must be negative and |H|^2 above the real part"
         )
     return omega_rad_s * sqrt(size / (size - A)), -B / (2.0 * sqrt((size - A) * size))

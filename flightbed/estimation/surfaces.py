@@ -1,4 +1,4 @@
-"""The two-stage filter on the aircraft: effectiveness of the elevator, or of elevator, aileron and rudder together (Wu and others 2000)."""
+"""The two-stage filter on the aircraft: effectiveness of the elevator, or of elevator, aileron and rudder (Wu and others 2000)."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class SurfacesConfig:
     """Settings of the two-stage filter on the aircraft. SI, radians.
 
     Attributes:
-        forgetting: of gamma, as ``two_stage`` has it.
-        walk_std: standard deviation of the step that gamma may make in a tick, sqrt of Q_gamma in W eq (6).
+        forgetting: forgetting of gamma, see ``two_stage``.
+        walk_std: standard deviation of the step of gamma per tick, square root of Q_gamma in W eq (6).
         test_window: L of W eq (33), ticks.
-        false_alarm: probability with which the test is to raise an alarm at a tick, by the chi-square law; see ``bias_test`` how far that
-            law holds.
+        false_alarm: nominal probability of an alarm of the test at a tick, by the chi-square law; ``bias_test`` states the limits of
+            this law.
         smoothing, bounds: as in LoopGainConfig.
         prior_std: standard deviation of gamma at the start.
-        follow_disturbances: raise the process noise to what the readings show.
-        scheduled: pitch axis on the schedule, else on the short period; flights with aileron and rudder are on tables always.
-        disturbances: standard deviations of what the model does not tell, white, each held for a tick: rates of alpha (rad/s), q (rad/s^2),
-            beta, p, r.
+        follow_disturbances: increase the process noise to the level shown by the readings.
+        scheduled: pitch axis from the schedule, otherwise from the short period; with aileron and rudder commanded, always from tables.
+        disturbances: standard deviations of unmodelled rates, white, each held for a tick: of alpha (rad/s), q (rad/s^2), beta (rad/s),
+            p and r (rad/s^2).
 
     """
 
@@ -50,13 +50,13 @@ class SurfacesConfig:
 
 
 class _State(NamedTuple):
-    """What a filter of n states and l inputs remembers; all arrays, changed in place.
+    """State of a filter of n states and l inputs; all arrays, changed in place.
 
     Attributes:
-        x, V, Px, gamma, Pg: of the two stages, (n,), (n, l), (n, n), (l,), (l, l).
+        x, V, Px, gamma, Pg: the two stages, (n,), (n, l), (n, n), (l,), (l, l).
         sums, squares, last: leaky sums of residuals, their mean squares, last readings, (n,) each.
-        smoothed, raised, alarms: K-hat smoothed, whether the test is above its threshold, alarms so far, (l,) each.
-        terms: (L, l), what the test averages.
+        smoothed, raised, alarms: smoothed K-hat, whether the test is above its threshold, number of alarms, (l,) each.
+        terms: (L, l), terms of the test's mean.
 
     """
 
@@ -75,7 +75,7 @@ class _State(NamedTuple):
 
 
 class _Settings(NamedTuple):
-    """What it believes: covariances (n, n), (l, l), (n, n); forgetting; (threshold, smoothing, low, high, follows disturbances)."""
+    """Settings of a filter: covariances (n, n), (l, l), (n, n); forgetting; (threshold, smoothing, low, high, follows disturbances)."""
 
     Q: Array
     Q_gamma: Array
@@ -91,22 +91,23 @@ _LEAK = 1.0 - 1.0 / 15.0
 def _disturbances(
     state: _State, settings: _Settings, A: Array, B: Array, c: Array, u: Array, z: Array, k: int
 ) -> Array:
-    """Return what the readings show of disturbances, variances (n,) to add to Q, so that sigma and test hold in rough air too.
+    """Return the variances of disturbances estimated from the readings, (n,), to add to Q, so that sigma and test are valid in rough air.
 
-    The residual of one step from reading to reading, e = z - (A z_last + B K u + c), sums up the disturbances; in a leaky sum over some
-    15 ticks the sensors' noise, which enters as differences, all but cancels, and gusts that last add up. Its mean square over the last
-    seconds, less what the sensors explain, is the white noise that would do the same. As ``kernels.disturbance``, for n states.
+    The residual of one step between readings, e = z - (A z_last + B K u + c), contains the disturbances; in a leaky sum over about 15
+    ticks the sensor noise, which enters as differences, nearly cancels, and lasting gusts accumulate. The mean square of this sum over
+    the last seconds, minus the share of the sensors, gives the variance of the equivalent white noise. As ``kernels.disturbance``, for n
+    states.
     """
     slow = max(1.0 / 300.0, 1.0 / (k + 20.0))
     found = np.zeros(z.size)
     for i in range(z.size):
-        told = c[i]
+        predicted = c[i]
         for j in range(z.size):
-            told += A[i, j] * state.last[j]
+            predicted += A[i, j] * state.last[j]
         for j in range(u.size):
-            told += B[i, j] * state.smoothed[j] * u[j]
+            predicted += B[i, j] * state.smoothed[j] * u[j]
         r = settings.R[i, i]
-        state.sums[i] = _LEAK * state.sums[i] + z[i] - told
+        state.sums[i] = _LEAK * state.sums[i] + z[i] - predicted
         seen = min(state.sums[i] ** 2, 4.0 * (state.squares[i] + r))
         state.squares[i] += slow * (seen - state.squares[i])
         found[i] = max(0.0, (1.0 - _LEAK * _LEAK) * (state.squares[i] - 1.6 * r))
@@ -117,15 +118,15 @@ def _disturbances(
 def advance(
     state: _State, settings: _Settings, A: Array, B: Array, c: Array, u: Array, z: Array, offset: float, k: int
 ) -> Array:
-    """Take the readings of tick k; returns (l, 12), a row of the fields of an Estimate for every input.
+    """Take the readings of tick k; return (l, 12), one row per input with the fields of an Estimate.
 
     Args:
-        state, settings: of the filter.
+        state, settings: state, updated, and settings of the filter.
         A, B, c: model of the period that ends now, (n, n), (n, l), (n,).
-        u: (l,) mean deflections over it.
+        u: (l,) mean deflections over this period.
         z: (n,) readings of all states.
-        offset: what is added to the first state where it is returned.
-        k: number of the tick; 0 starts all anew.
+        offset: added to the returned first state.
+        k: number of the tick; 0 resets the filter.
 
     """
     n, inputs = z.size, u.size
@@ -146,35 +147,35 @@ def advance(
         state.x[:], state.V[:, :], state.Px[:, :], state.gamma[:], state.Pg[:, :] = x, V, Px, gamma, Pg
     state.last[:] = z
     L = state.terms.shape[0]
-    told = np.zeros((inputs, 12))
+    rows = np.zeros((inputs, 12))
     compensated = state.x + state.V @ state.gamma
     for i in range(inputs):
         state.terms[k % L, i] = state.gamma[i] ** 2 / state.Pg[i, i]
         above = 1.0 if np.mean(state.terms[:, i]) > threshold else 0.0
         if above > state.raised[i]:
             state.alarms[i] += 1.0
-            state.sums[:] = 0.0  # what they hold is the change of K, not the air
+            state.sums[:] = 0.0  # the sums contain the change of K, not disturbances
         state.raised[i] = above
         raw = 1.0 + state.gamma[i]
         bounded = min(max(raw, low), high)
         state.smoothed[i] = keep * state.smoothed[i] + (1.0 - keep) * bounded
-        told[i, 0], told[i, 1], told[i, 2], told[i, 3] = bounded, sqrt(state.Pg[i, i]), state.smoothed[i], raw
-        told[i, 4], told[i, 5], told[i, 6] = compensated[0] + offset, compensated[1], nis
-        told[i, 8], told[i, 9], told[i, 10], told[i, 11] = innovation[0], innovation[1], sqrt(S[0, 0]), sqrt(S[1, 1])
+        rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = bounded, sqrt(state.Pg[i, i]), state.smoothed[i], raw
+        rows[i, 4], rows[i, 5], rows[i, 6] = compensated[0] + offset, compensated[1], nis
+        rows[i, 8], rows[i, 9], rows[i, 10], rows[i, 11] = innovation[0], innovation[1], sqrt(S[0, 0]), sqrt(S[1, 1])
     for i in range(inputs):
-        told[i, 7] = state.alarms[i]
-    return told
+        rows[i, 7] = state.alarms[i]
+    return rows
 
 
 class _Filter:
-    """Filter, test and smoother of some inputs; the first two states are alpha and q."""
+    """Filter, test and smoother for l inputs; the first two states are alpha and q."""
 
     def __init__(self, config: SurfacesConfig, noise: Array, b: Array, dt: float) -> None:
         n, inputs = len(noise), b.shape[1]
         disturbed = np.array(config.disturbances[:n]) * dt
         R = np.diag(noise**2)
         threshold = chi_square_threshold(config.test_window, config.false_alarm)
-        # An error of a measured deflection moves the prediction by at most b (K = 1): taken as process noise.
+        # An error of a measured deflection changes the prediction by at most b (K = 1); it is treated as process noise.
         self._settings = _Settings(
             Q=np.diag(disturbed**2) + b @ b.T,
             Q_gamma=config.walk_std**2 * np.eye(inputs),
@@ -184,7 +185,7 @@ class _Filter:
         )
         self._state = self._fresh(n, inputs, config)
         self._k = 0
-        # Compile, or load what was compiled, now and not in flight.
+        # Compile, or load from the cache, before the flight.
         trial, still = self._fresh(n, inputs, config), np.zeros(n)
         for k in (0, 1):
             advance(trial, self._settings, np.eye(n), np.zeros((n, inputs)), still, np.zeros(inputs), still, 0.0, k)
@@ -204,9 +205,9 @@ class _Filter:
 
     def take(self, readings: Array, A: Array, B: Array, c: Array, u: Array, offset: float) -> list[Estimate]:
         """Return the estimates of all inputs at the next tick; ``offset`` is added to alpha."""
-        told = advance(self._state, self._settings, A, B, c, u, readings, offset, self._k)
+        rows = advance(self._state, self._settings, A, B, c, u, readings, offset, self._k)
         self._k += 1
-        return [Estimate(*row) for row in told.tolist()]
+        return [Estimate(*row) for row in rows.tolist()]
 
 
 def _parts(model: Array, n: int, inputs: int) -> tuple[Array, Array, Array]:
@@ -220,10 +221,10 @@ class TwoStagePitch:
 
     Args:
         config: settings.
-        onboard: what is known of aircraft and sensors.
+        onboard: on-board knowledge of aircraft and sensors.
 
     Raises:
-        ValueError: a schedule is asked for, and there is none on board.
+        ValueError: the model is the schedule, but none is on board.
 
     """
 
@@ -266,10 +267,10 @@ class TwoStageSurfaces:
 
     Args:
         config: settings.
-        onboard: what is known of aircraft and sensors.
+        onboard: on-board knowledge of aircraft and sensors.
 
     Raises:
-        ValueError: there is no schedule or no model of roll and yaw on board.
+        ValueError: the schedule or the model of roll and yaw is not on board.
 
     """
 

@@ -1,4 +1,4 @@
-"""All three axes on board, compiled: alpha, q, beta, p, r at a measurement, linearized and discretized."""
+"""On-board model of all three axes, compiled: alpha, q, beta, p, r, linearized and discretized at a measurement."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def lateral_rates(tables: Array, A: Array, B: Array, alpha: float, beta: float, 
 
     Args:
         tables: ``LateralTables.packed()``.
-        A, B: continuous; rows and columns alpha, q, beta, p, r, and elevator, aileron, rudder.
-        alpha, beta, mach, altitude_m: where; of beta only what aileron and rudder do depends on it.
+        A, B: continuous-time matrices; states alpha, q, beta, p, r, and inputs elevator, aileron, rudder.
+        alpha, beta, mach, altitude_m: point of linearization; only the columns of aileron and rudder depend on beta.
 
     """
     machs, alphas = int(tables[0]), int(tables[1])
@@ -50,19 +50,19 @@ def lateral_rates(tables: Array, A: Array, B: Array, alpha: float, beta: float, 
 
 @compiled
 def local_model(
-    schedule: Array, tables: Array, work: Array, believed: float, dt: float, elevator: float,
+    schedule: Array, tables: Array, work: Array, effectiveness: float, dt: float, elevator: float,
     alpha: float, q: float, mach: float, altitude_m: float, theta: float, phi: float, beta: float, p: float, r: float,
 ) -> None:  # fmt: skip
     """Write the model of one period: x+ = A x + B K u + c, x = (alpha, q, beta, p, r), u deflections of elevator, aileron, rudder.
 
-    Linearized at the measurement at the period's start, the pitch axis also at the deflection that acts if K is as ``believed``. What the
-    axes do to each other - kinematics, inertia, gravity at an angle of bank - is taken from the measurements too and goes into c.
-    Discretized by the series of the matrix exponential to third order.
+    Linearized at the measurement at the start of the period, the pitch axis also at the deflection ``effectiveness`` times ``elevator``.
+    The coupling of the axes (kinematics, inertia, gravity at an angle of bank) is computed from the measurements and enters c. Discretized
+    by the series of the matrix exponential to third order.
 
     Args:
         schedule: ``Schedule.packed()``; tables: ``LateralTables.packed()``.
-        work: (10, 9): on return rows 0 to 4 are [A | B | c]; rows 5 to 9 are room.
-        believed: effectiveness of the elevator.
+        work: (10, 9): on return rows 0 to 4 are [A | B | c]; rows 5 to 9 are scratch.
+        effectiveness: K of the elevator for the linearization.
         dt: the period, s.
         elevator: mean deflection over the period, rad.
         alpha, q, mach, altitude_m, theta, phi, beta, p, r: measured at the period's start.
@@ -72,10 +72,10 @@ def local_model(
     A, B = G[:, 0:5], G[:, 5:8]
     G[:, :] = 0.0
     pitch = work[0:2, 0:4]
-    rates(schedule, pitch, alpha, q, believed * elevator, mach, altitude_m, theta, phi)
+    rates(schedule, pitch, alpha, q, effectiveness * elevator, mach, altitude_m, theta, phi)
     for i in range(2):
         A[i, 0], A[i, 1], B[i, 0] = pitch[i, 1], pitch[i, 2], pitch[i, 3]
-        G[i, 8] = pitch[i, 0] - pitch[i, 1] * alpha - pitch[i, 2] * q - pitch[i, 3] * believed * elevator
+        G[i, 8] = pitch[i, 0] - pitch[i, 1] * alpha - pitch[i, 2] * q - pitch[i, 3] * effectiveness * elevator
     lateral_rates(tables, A, B, alpha, beta, mach, altitude_m)
     speed = mach * air(altitude_m)[1]
     G[0, 8] -= (p * cos(alpha) + r * sin(alpha)) * tan(beta)
@@ -83,7 +83,7 @@ def local_model(
     G[2, 8] += G0 / speed * cos(theta) * sin(phi)
     G[3, 8] += tables[2] * p * q + tables[3] * q * r
     G[4, 8] += tables[4] * p * q + tables[5] * q * r
-    # S = I dt + A dt^2/2 + A^2 dt^3/6, so that e^(A dt) = I + S A and what is held comes in through S.
+    # S = I dt + A dt^2/2 + A^2 dt^3/6, so that e^(A dt) = I + S A; held inputs enter through S.
     s2, s3 = dt * dt / 2.0, dt * dt * dt / 6.0
     S = work[0:5, 0:5]
     for i in range(5):

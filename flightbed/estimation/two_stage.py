@@ -1,17 +1,17 @@
 """The optimal two-stage Kalman filter with forgetting: state and control effectiveness of every input (Wu, Zhang and Zhou 2000).
 
-A system whose inputs have lost some of their effect, W eqs (1)-(8),
+The system has inputs with a partial loss of effectiveness, W eqs (1)-(8):
 
-    x+ = A x + B (I + diag gamma) u + c + w,   y = C x + v,   gamma+ = gamma + w_gamma,   gamma in [-1, 0],
+    x+ = A x + B (I + diag gamma) u + c + w,   y = C x + v,   gamma+ = gamma + w_gamma,   gamma in [-1, 0].
 
-is estimated by a filter for the state that knows nothing of gamma, one for gamma that is fed the first one's residuals, and a coupling V.
-Without forgetting this equals the Kalman filter of (x, gamma), with inversions of l x l and m x m matrices only. Forgetting adds to the
-covariance of gamma between samples: by one factor, or along each of its principal axes until it lies between bounds.
+The first filter estimates the state without gamma, the second estimates gamma from the residuals of the first, and V couples them. Without
+forgetting this equals the Kalman filter of (x, gamma), with inversions of l x l and m x m matrices only. Forgetting increases the
+covariance of gamma between samples: by one factor, or along each of its principal axes until the variance lies between bounds.
 
 Source: N. E. Wu, Y. Zhang, K. Zhou, Int. J. Adaptive Control and Signal Processing 14 (2000) 775, "W" here; the filter is that of Keller
-and Darouach, Automatica 33 (1997) 1745. Departures from the print: the second of its two equations (15) is the correction; (25)
-has a stray plus; the known affine term c is ours; the covariances are updated in forms that keep them symmetric and positive
-(Joseph), equal to (13), (15) and (17) otherwise.
+and Darouach, Automatica 33 (1997) 1745. Departures from the paper: the second of its two equations (15) is the correction; (25) has a stray
+plus; the known affine term c is an addition; the covariance updates are in forms that keep them symmetric and positive (Joseph), otherwise
+equal to (13), (15) and (17).
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ class NoForgetting:
     """Covariance of gamma as in W eq (10)."""
 
     def packed(self) -> Array:
-        """Return what ``forget`` takes."""
+        """Return the argument ``forgetting`` of ``forget``, (3,)."""
         return np.array([1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
 class ConstantForgetting:
-    """One factor for all times and directions, W eq (28).
+    """Constant factor in all directions, W eq (28).
 
     Attributes:
         factor: lambda, in (0, 1].
@@ -49,21 +49,21 @@ class ConstantForgetting:
             raise ValueError(f"forgetting factor: must be in (0, 1] (got {self.factor:g})")
 
     def packed(self) -> Array:
-        """Return what ``forget`` takes."""
+        """Return the argument ``forgetting`` of ``forget``, (3,)."""
         return np.array([self.factor, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
 class VariableForgetting:
-    """A factor for each principal axis of the covariance, less the smaller the variance along it, W eqs (29)-(32).
+    """A factor for each principal axis of the covariance, smaller for a smaller variance along it, W eqs (29)-(32).
 
-    Without noise of gamma (Q_gamma = 0) every variance that is below the largest comes to lie between the two and stays there; one above
-    it, as of a wide prior, is left as it is, and only measurements bring it down. With noise of gamma the lower bound holds all the more,
-    and the upper one is exceeded by that noise.
+    Without noise of gamma (Q_gamma = 0), a variance below ``variance_max`` moves between the two bounds and stays there; a variance above,
+    such as that of a wide prior, is not changed, and only measurements reduce it. With noise of gamma the lower bound still holds, and
+    the variances exceed the upper bound by this noise.
 
     Attributes:
-        variance_min: alpha_min, below which no variance falls between samples.
-        variance_max: alpha_max, from which on nothing is forgotten.
+        variance_min: alpha_min, lower bound of the variances between samples.
+        variance_max: alpha_max, variance above which there is no forgetting.
 
     """
 
@@ -73,10 +73,10 @@ class VariableForgetting:
     def __post_init__(self) -> None:
         if not 0.0 < self.variance_min < self.variance_max < np.inf:
             text = f"{self.variance_min:g} and {self.variance_max:g}"
-            raise ValueError(f"bounds of the variance: must be positive, finite, the smaller one first (got {text})")
+            raise ValueError(f"bounds of the variance: must be positive, finite and ascending (got {text})")
 
     def packed(self) -> Array:
-        """Return what ``forget`` takes."""
+        """Return the argument ``forgetting`` of ``forget``, (3,)."""
         return np.array([1.0, self.variance_min, self.variance_max])
 
 
@@ -85,11 +85,11 @@ Forgetting = NoForgetting | ConstantForgetting | VariableForgetting
 
 @compiled
 def forget(P: Array, forgetting: Array) -> Array:
-    """Return the covariance of gamma with the past discounted, before its noise is added: P / lambda or the sum in W eq (31).
+    """Return the covariance of gamma after forgetting, before its noise is added: P / lambda or the sum in W eq (31).
 
     Args:
         P: (l, l).
-        forgetting: (3,), constant factor, and the least and the largest variance of variable forgetting, 0 and 0 without.
+        forgetting: (3,), constant factor, and lower and upper variance of variable forgetting (0 and 0: constant).
 
     """
     factor, low, high = forgetting
@@ -98,7 +98,7 @@ def forget(P: Array, forgetting: Array) -> Array:
         return faded
     values, vectors = np.linalg.eigh(P)
     raised = np.empty_like(values)
-    for i in range(values.size):  # alpha / lambda, which eq (32) gives without a division by alpha
+    for i in range(values.size):  # alpha / lambda, computed from eq (32) without a division by alpha
         alpha = values[i]
         raised[i] = alpha if alpha > high else low + (high - low) / high * max(alpha, 0.0)
     adjusted: Array = (vectors * raised) @ vectors.T
@@ -122,8 +122,8 @@ def predict(
 ) -> tuple[Array, Array, Array, Array]:
     """Advance the two stages by a sample: W eqs (9), (10) or (31), (14), the first (15), (20), (21).
 
-    Returns x~, V, P~ and the covariance of gamma, predicted; gamma stays. The covariance that V takes out of the first stage is
-    W (P - P P-^-1 P) W', written as a sum of positive terms.
+    Returns the predicted x~, V, P~ and covariance of gamma; gamma does not change. The covariance that V transfers from the first stage,
+    W (P - P P-^-1 P) W', is written as a sum of positive terms.
     """
     W = A @ V + B * u
     ahead = forget(Pg, forgetting) + Qg
@@ -142,7 +142,7 @@ def correct(
 ) -> tuple[Array, Array, Array, Array, Array, Array, Array, float]:
     """Correct both stages by the readings: W eqs (11)-(13), the second (15), (16)-(19), (22), (23).
 
-    Returns x~, V, P~, gamma and its covariance, corrected; innovation of the whole filter, its covariance, NIS.
+    Returns the corrected x~, V, P~, gamma and covariance of gamma; innovation of the whole filter, its covariance, NIS.
     """
     residual, H = y - C @ x, C @ V
     S_first = C @ Px @ C.T + R
@@ -163,15 +163,18 @@ def correct(
 
 @dataclass(frozen=True, eq=False)
 class TwoStageConfig:
-    """What the filter believes. n states, l inputs, m readings; covariances over one sample, in the units of the system.
+    """Settings of the filter. n states, l inputs, m readings; covariances over one sample, in the units of the system.
 
     Attributes:
-        Q: (n, n) of the process noise.
-        R: (m, m) of the readings, positive definite.
-        Q_gamma: (l, l) of the random walk of gamma.
+        Q: (n, n) covariance of the process noise.
+        R: (m, m) covariance of the readings, positive definite.
+        Q_gamma: (l, l) covariance of the random walk of gamma per sample.
         state, state_covariance: (n,) and (n, n), prior of the state.
-        gamma, gamma_covariance: (l,) and (l, l), prior of gamma; the covariance positive definite.
-        forgetting: of gamma.
+        gamma, gamma_covariance: (l,) and (l, l), prior of gamma; the covariance is positive definite.
+        forgetting: forgetting of gamma.
+
+    Raises:
+        ValueError: a covariance has a wrong shape, is not symmetric, or is not positive (semi)definite.
 
     """
 
@@ -202,19 +205,19 @@ class TwoStageConfig:
             strict = name in ("R", "gamma_covariance")
             if least < -1e-12 * np.max(np.abs(value)) or (strict and least <= 0.0):
                 raise ValueError(
-                    f"{name}: must be positive {'' if strict else 'semi'}definite (least eigenvalue {least:g})"
+                    f"{name}: must be positive {'' if strict else 'semi'}definite (got least eigenvalue {least:g})"
                 )
 
 
 class TwoStageEstimate(NamedTuple):
-    """What the filter says after a correction.
+    """Estimate after a correction.
 
     Attributes:
-        gamma: (l,), gamma-hat; not kept within [-1, 0].
+        gamma: (l,), gamma-hat; not bounded to [-1, 0].
         gamma_covariance: (l, l).
         state: (n,), the compensated state, W eq (24).
         state_covariance: (n, n), its covariance, W eq (25).
-        innovation, innovation_covariance: (m,) and (m, m), of the whole filter, as predicted; zero before the first correction.
+        innovation, innovation_covariance: (m,) and (m, m), of the whole filter, the covariance as predicted; 0 before the first correction.
         nis: normalized innovation squared, chi-square with m degrees of freedom if the model holds; 0 before the first correction.
 
     """
@@ -229,12 +232,12 @@ class TwoStageEstimate(NamedTuple):
 
     @property
     def effectiveness(self) -> Array:
-        """K-hat = 1 + gamma-hat of every input."""
+        """K-hat = 1 + gamma-hat, (l,)."""
         return 1.0 + self.gamma
 
 
 class TwoStageFilter:
-    """The filter, sample by sample: ``predict`` over a period, ``correct`` by the readings at its end, or ``step`` for both.
+    """The filter: ``predict`` over a sample, ``correct`` by the readings at its end, or ``step`` for both.
 
     Args:
         config: noise, prior, forgetting.
@@ -246,7 +249,7 @@ class TwoStageFilter:
         self._forgetting = config.forgetting.packed()
         n, inputs, m = len(config.state), len(config.gamma), len(config.R)
         self._still = np.zeros(n)
-        # With V = 0 the first stage's state and covariance are the prior's.
+        # With V = 0 the state and covariance of the first stage are those of the prior.
         self._x, self._V, self._Px = _matrix(config.state), np.zeros((n, inputs)), _matrix(config.state_covariance)
         self._gamma, self._Pg = _matrix(config.gamma), _matrix(config.gamma_covariance)
         self._innovation, self._S, self._nis = np.zeros(m), np.zeros((m, m)), 0.0
@@ -255,10 +258,10 @@ class TwoStageFilter:
         """Advance over a sample.
 
         Args:
-            A, B: (n, n) and (n, l), over the sample.
-            u: (l,), the inputs over it.
-            drift: (n,), the known affine term c; none if None.
-            Q: (n, n), covariance of the process noise over this sample; that of the configuration if None.
+            A, B: (n, n) and (n, l), model over the sample.
+            u: (l,), inputs over the sample.
+            drift: (n,), known affine term c; zero if None.
+            Q: (n, n), covariance of the process noise over this sample; the configured one if None.
 
         """
         Qx = self._Q if Q is None else _matrix(Q)
@@ -278,13 +281,13 @@ class TwoStageFilter:
     def step(
         self, A: Array, B: Array, C: Array, u: Array, y: Array, drift: Array | None = None, Q: Array | None = None
     ) -> TwoStageEstimate:
-        """Predict over a sample with inputs u and correct by the readings y at its end; arguments as of the two."""
+        """Predict over a sample with inputs u and correct by the readings y at its end; arguments as in ``predict`` and ``correct``."""
         self.predict(A, B, u, drift, Q)
         return self.correct(C, y)
 
     @property
     def estimate(self) -> TwoStageEstimate:
-        """The estimate now, W eqs (24) and (25); before the first correction the prior."""
+        """Present estimate, W eqs (24) and (25); the prior before the first correction."""
         state, covariance = self._x + self._V @ self._gamma, self._Px + self._V @ self._Pg @ self._V.T
         return TwoStageEstimate(
             self._gamma.copy(), self._Pg.copy(), state, covariance, self._innovation.copy(), self._S.copy(), self._nis

@@ -1,8 +1,8 @@
-"""The covariance of PLID as U D U': it stays positive, whatever round-off does, and half the digits do (Kemp chapter 7).
+"""The covariance of PLID as U D U': it stays positive under round-off, and single precision suffices (Kemp chapter 7).
 
 Bierman's factors (Factorization Methods for Discrete Sequential Estimation, Academic Press, 1977): U unit upper triangular, D diagonal,
-stored together with D on the diagonal. Thornton's weighted Gram-Schmidt for the prediction, Bierman's update for the correction. D holds
-the pivots of P; eigenvalues, as Kemp S 7.1 has it, they are not.
+stored together with D on the diagonal. The prediction is Thornton's weighted Gram-Schmidt, the correction Bierman's update. D holds the
+pivots of P, not its eigenvalues as stated in Kemp S 7.1.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ def step(
     u: float,
     first: bool,
 ) -> tuple[Any, Any, Any]:
-    """Advance state and factors by one sample: what ``plid.step`` does, without ever forming P.
+    """Advance state and factors by one sample: equivalent to ``plid.step`` without forming P.
 
-    The block fade, Kemp eqs (7.18)-(7.20), wants D_2' = alpha D_2, S' = S / alpha and the factors of U_1 D_1 U_1' + S (D_2 - D_2 / alpha)
-    S'. He inverts U_1, forms a product and factors it; here the columns of S join the Gram-Schmidt of the rows above, which gives the
-    same factors with neither. r = 0, which he replaces by 1e-99, is taken as it is: a quotient 0 / 0 in the correction belongs to a
-    direction that is known already and is left alone. So is one whose pivot falls below the smallest normal number: with r = 0 pivots go
-    there in single precision, and what is divided by one that lost its digits is no number.
+    The block fade, Kemp eqs (7.18)-(7.20), requires D_2' = alpha D_2, S' = S / alpha and the factors of U_1 D_1 U_1' + S (D_2 -
+    D_2 / alpha) S'. Kemp inverts U_1, forms a product and factors it; here the columns of S join the Gram-Schmidt step of the rows above,
+    which gives the same factors without inverse or product. Kemp replaces r = 0 by 1e-99; here r = 0 is used directly. A quotient 0 / 0
+    in the correction belongs to a direction that is already known, which is not changed. The same holds for a pivot below the smallest
+    normal number: with r = 0 and single precision pivots fall this low, and a division by a denormal pivot gives inf or nan.
 
     Args:
         s: (N,) extended state, updated.
-        UD: (N, N) factors, D on the diagonal, updated; below it nothing is read.
+        UD: (N, N) factors, D on the diagonal, updated; elements below the diagonal are not read.
         gain: (N,) Kalman gain, written.
         settings: as in ``plid.step``.
-        y_before, u_before: output and input of the sample before.
+        y_before, u_before: output and input of the previous sample.
         y, u: output and, for feedthrough, input of this sample.
-        first: no sample was before.
+        first: whether this is the first sample.
 
     Returns:
         innovation, its variance, squared norm of the parameters' gains.
@@ -59,7 +59,7 @@ def step(
         for i in range(n - 1, -1, -1):
             above = s[i - 1] if i > 0 else zero
             s[i] = above + yb * s[n + i] + ub * s[2 * n + i]
-        # W = [F U, I, room for S], weights (whole D, Q', D_2 - D_2 / alpha)
+        # W = [F U, I, space for S], weights (whole D, Q', D_2 - D_2 / alpha)
         noise = N if gamma > zero else n
         columns = N + noise
         W = np.zeros((N, columns + N - n), s.dtype)
@@ -77,7 +77,7 @@ def step(
             W[k, N + k] = one
         width = columns
         for j in range(N - 1, -1, -1):
-            if j == n - 1 and block > one:  # the parameters are done: fade them, and let S in above
+            if j == n - 1 and block > one:  # the rows of the parameters are done: fade them and add S to the rows above
                 for k in range(n, N):
                     pivot = UD[k, k]
                     weights[columns + k - n] = pivot - pivot / block
@@ -122,7 +122,7 @@ def step(
             UD[j, j] *= before / alpha
         for i in range(j):
             old = UD[i, j]
-            if before > tiny:  # gain / before is at most the root of P_ii / before: f / before itself may overflow
+            if before > tiny:  # gain / before is at most sqrt(P_ii / before); f / before itself can overflow
                 UD[i, j] = old - gain[i] / before * f
             gain[i] += v * old
         gain[j] = v

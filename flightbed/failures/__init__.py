@@ -1,1 +1,1 @@
-"""Failures, as functions."""
+"""Failures as functions of the tick."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from flightbed.failures.base import Failing
+from flightbed.failures.base import HealthHistory
 from flightbed.signals import Health
 
 
-def cg_moved(before: Failing, *, shift_cbar: float, at_tick: int) -> Failing:
-    """Put the c.g. ``shift_cbar`` mean chords aft of where it was at take-off, from ``at_tick`` on."""
+def cg_shift(before: HealthHistory, *, shift_cbar: float, at_tick: int) -> HealthHistory:
+    """Move the c.g. to ``shift_cbar`` mean chords aft of its take-off position, from ``at_tick`` on."""
 
     def health(tick: int) -> Health:
         was = before(tick)
@@ -18,7 +18,7 @@ def cg_moved(before: Failing, *, shift_cbar: float, at_tick: int) -> Failing:
     return health
 
 
-@lru_cache(maxsize=64)  # a flight asks for the same value at every tick
+@lru_cache(maxsize=64)  # a flight requests the same value at every tick
 def _moved(was: Health, shift_cbar: float) -> Health:
-    """Return what was, with the c.g. elsewhere."""
+    """Return the health with another c.g. shift."""
     return was._replace(cg_shift_cbar=shift_cbar)

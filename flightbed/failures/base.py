@@ -1,7 +1,7 @@
-"""What a failure is: a function of the tick that wraps the one before it, the identity before its start.
+"""A failure is a function of the tick that wraps the previous failure and passes its health unchanged before its own start.
 
-Each changes its own quantities of the Health and passes the others on: a failure of the elevator leaves the c.g. where an
-earlier one has put it, and the other way round. Of the same quantity the later failure replaces the earlier.
+A failure changes its own fields of Health only: a failure of the elevator keeps the c.g. shift of an earlier failure, and vice versa.
+Where two failures set the same field, the later one replaces the earlier one.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 from flightbed.signals import HEALTHY, Health
 
-Failing = Callable[[int], Health]
+HealthHistory = Callable[[int], Health]
 
 
 def healthy(_tick: int) -> Health:
-    """Everything works."""
+    """Return the health of the aircraft as built."""
     return HEALTHY

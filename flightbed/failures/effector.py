@@ -1,4 +1,4 @@
-"""Failures of a control effector: it does less, or its actuator does not do as it is told; see base.py."""
+"""Failures of a control surface: reduced effectiveness, or an actuator that does not follow its command; see base.py."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
-from flightbed.failures.base import Failing
+from flightbed.failures.base import HealthHistory
 from flightbed.signals import HEALTHY, SURFACES, Health
 
-# Surface -> the fields of Health that are shares of what it does.
+# Surface -> the fields of Health that hold its effectiveness.
 _SHARES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"elevator": ("effectiveness", "elevator_force"), "aileron": ("aileron",), "rudder": ("rudder",)}
 )
 
 
-def weakened(before: Failing, *, to: float, at_tick: int, surface: str = "elevator") -> Failing:
-    """Keep the share ``to`` of all that a deflection does, moments and forces, from ``at_tick`` on."""
+def effectiveness_loss(before: HealthHistory, *, to: float, at_tick: int, surface: str = "elevator") -> HealthHistory:
+    """Scale the moments and forces of a deflection by ``to``, from ``at_tick`` on."""
     return _from(before, at_tick, lambda was: _shared(was, _SHARES[surface], (to,) * len(_SHARES[surface])))
 
 
-def damaged(before: Failing, *, to: float, force_to: float, at_tick: int) -> Failing:
-    """Keep the share ``to`` of the elevator's pitching moment and ``force_to`` of its lift and drag, from ``at_tick`` on.
+def structural_damage(before: HealthHistory, *, to: float, force_to: float, at_tick: int) -> HealthHistory:
+    """Scale the elevator's pitching moment by ``to`` and its lift and drag by ``force_to``, from ``at_tick`` on.
 
-    The control vector b = (Z_delta, M_delta) then changes its direction, not only its length.
+    The control vector b = (Z_delta, M_delta) changes its direction as well as its length.
     """
     return _from(before, at_tick, lambda was: _shared(was, _SHARES["elevator"], (to, force_to)))
 
 
-def ramped(before: Failing, *, to: float, at_tick: int, ticks: int, surface: str = "elevator") -> Failing:
-    """Go straight from what it is just before ``at_tick`` to ``to`` in so many ticks, moments and forces, and stay there."""
+def ramp(before: HealthHistory, *, to: float, at_tick: int, ticks: int, surface: str = "elevator") -> HealthHistory:
+    """Reduce moments and forces linearly over ``ticks`` ticks, from their share just before ``at_tick`` to ``to``."""
     fields = _SHARES[surface]
     left = [getattr(before(at_tick - 1), field) for field in fields]
 
@@ -44,36 +44,36 @@ def ramped(before: Failing, *, to: float, at_tick: int, ticks: int, surface: str
     return health
 
 
-def stuck(before: Failing, *, surface: str, at_tick: int) -> Failing:
-    """Leave the actuator where it is at ``at_tick``."""
+def stuck(before: HealthHistory, *, surface: str, at_tick: int) -> HealthHistory:
+    """Jam the actuator at its position at ``at_tick``."""
     return _faulty(before, surface, at_tick, stuck=True)
 
 
-def driven(before: Failing, *, surface: str, to_rad: float, at_tick: int) -> Failing:
-    """Let the actuator run to a position and stay there, from ``at_tick`` on: a hardover, if that is a stop."""
-    return _faulty(before, surface, at_tick, driven_to_rad=to_rad)
+def hardover(before: HealthHistory, *, surface: str, to_rad: float, at_tick: int) -> HealthHistory:
+    """Drive the actuator to a position, limited by the stops, and hold it there, from ``at_tick`` on."""
+    return _faulty(before, surface, at_tick, hardover_rad=to_rad)
 
 
-def biased(before: Failing, *, surface: str, by_rad: float, at_tick: int) -> Failing:
-    """Add to what acts a deflection that the position feedback does not show, from ``at_tick`` on."""
+def bias(before: HealthHistory, *, surface: str, by_rad: float, at_tick: int) -> HealthHistory:
+    """Add a deflection that acts but is absent from the position feedback, from ``at_tick`` on."""
     return _faulty(before, surface, at_tick, bias_rad=by_rad)
 
 
-def slowed(before: Failing, *, surface: str, to: float, at_tick: int) -> Failing:
-    """Leave the share ``to`` of the actuator's rate limit from ``at_tick`` on."""
+def rate_limited(before: HealthHistory, *, surface: str, to: float, at_tick: int) -> HealthHistory:
+    """Scale the actuator's rate limit by ``to``, from ``at_tick`` on."""
     return _faulty(before, surface, at_tick, rate_share=to)
 
 
-def floating(before: Failing, *, surface: str, at_tick: int) -> Failing:
-    """Let the surface come off its actuator at ``at_tick`` and trail in the stream: nothing of the actuator's position acts."""
-    return weakened(_faulty(before, surface, at_tick, floats=True), to=0.0, at_tick=at_tick, surface=surface)
+def floating(before: HealthHistory, *, surface: str, at_tick: int) -> HealthHistory:
+    """Detach the surface from its actuator at ``at_tick``: it floats in the airstream, and the actuator's position has no effect."""
+    return effectiveness_loss(_faulty(before, surface, at_tick, floats=True), to=0.0, at_tick=at_tick, surface=surface)
 
 
-def _from(before: Failing, at_tick: int, change: Callable[[Health], Health]) -> Failing:
+def _from(before: HealthHistory, at_tick: int, change: Callable[[Health], Health]) -> HealthHistory:
     seen, made = (
         HEALTHY,
         change(HEALTHY),
-    )  # what was made last: a flight asks at every tick, and the answer seldom changes
+    )  # last result: a flight calls at every tick, and the result seldom changes
 
     def health(tick: int) -> Health:
         nonlocal seen, made
@@ -87,21 +87,21 @@ def _from(before: Failing, at_tick: int, change: Callable[[Health], Health]) -> 
     return health
 
 
-def _faulty(before: Failing, surface: str, at_tick: int, **wrong: Any) -> Failing:
+def _faulty(before: HealthHistory, surface: str, at_tick: int, **wrong: Any) -> HealthHistory:
     return _from(before, at_tick, lambda was: _wrong(was, SURFACES.index(surface), tuple(wrong.items())))
 
 
-# A flight asks for the same value at every tick, and plants tell by identity that nothing has changed.
+# A flight requests the same value at every tick, and plants detect a change by object identity.
 @lru_cache(maxsize=64)
 def _shared(was: Health, fields: tuple[str, ...], shares: tuple[float, ...]) -> Health:
-    """Return what was, with other shares."""
+    """Return the health with other shares in some fields."""
     changed: dict[str, Any] = dict(zip(fields, shares, strict=True))
     return was._replace(**changed)
 
 
 @lru_cache(maxsize=64)
 def _wrong(was: Health, number: int, wrong: tuple[tuple[str, Any], ...]) -> Health:
-    """Return what was, with more wrong with one actuator."""
+    """Return the health with further faults in one actuator."""
     elevator, aileron, rudder = (
         fault._replace(**dict(wrong)) if i == number else fault for i, fault in enumerate(was.faults)
     )

@@ -7,7 +7,7 @@ from math import isnan
 from typing import TYPE_CHECKING
 
 from flightbed.aircraft import Actuator
-from flightbed.signals import SOUND, Fault
+from flightbed.signals import NO_FAULT, Fault
 
 if TYPE_CHECKING:
     from flightbed.plant.jsbsim import Fdm
@@ -46,7 +46,7 @@ class Surface:
             for suffix in ("stuck", "rate_limit_rad_s", "offset_rad")
         )
         self._float_angle = float_angle
-        self._actuator_fault, self._aerodynamic_fault = SOUND, SOUND
+        self._actuator_fault, self._aerodynamic_fault = NO_FAULT, NO_FAULT
         self.floats = False
         self.offset_rad = 0.0
 
@@ -64,7 +64,7 @@ class Surface:
         if fault.rate_share != self._actuator_fault.rate_share and self._limit is not None:
             self._limit(fault.rate_share * self._rate)
         self._actuator_fault = fault
-        goes_to = fault.driven_to_rad
+        goes_to = fault.hardover_rad
         low, high = self._actuator_stops
         self.stops = (low, high) if isnan(goes_to) else (min(max(goes_to, low), high),) * 2
 

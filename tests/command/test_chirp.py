@@ -1,4 +1,4 @@
-"""The chirp against scipy's, and what repeats and ends do to it."""
+"""The chirp against scipy's, with repeated sweeps and at its end."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def test_3_2_1_1_switches_on_the_tick_and_leaves_a_seventh() -> None:
     edges = [100, 190, 250, 280, 310, 400, 460, 490, 520]
     assert (np.flatnonzero(np.diff(q)) + 1).tolist() == edges
     assert q[edges].tolist() == [2.0, -2.0, 2.0, -2.0, 2.0, -2.0, 2.0, -2.0, 0.0]
-    assert q.sum() / 100 == pytest.approx(2 * 2.0 * 2.1 / 7)  # rad of pitch attitude that two sequences ask for
+    assert q.sum() / 100 == pytest.approx(2 * 2.0 * 2.1 / 7)  # pitch attitude commanded by two sequences, rad
 
 
 @pytest.mark.parametrize("bits", [2, 4, 7, 12])
@@ -59,10 +59,10 @@ def test_random_switches_on_the_tick_and_every_seed_is_another() -> None:
         assert set((np.flatnonzero(np.diff(q[100:1000])) + 1) % 30) == {0}
         assert abs(q.sum()) < 1e-12
     assert len({q.tobytes() for q in flown[:30]}) == 30
-    assert flown[30].tobytes() == flown[0].tobytes()  # as it says: modulo 2 (2^4 - 1)
+    assert flown[30].tobytes() == flown[0].tobytes()  # seeds count modulo 2 (2^4 - 1)
 
 
-def test_energy_and_peak_factor_of_what_is_known() -> None:
+def test_energy_and_peak_factor_of_known_signals() -> None:
     q = doublet(amplitude_rad_s=0.1, period_s=4.5, count=3)(T)
     assert energy(q, control_hz=100) == pytest.approx(0.1**2 * 13.5)
     assert relative_peak_factor(q[:1350]) == pytest.approx(1 / np.sqrt(2))
@@ -70,7 +70,7 @@ def test_energy_and_peak_factor_of_what_is_known() -> None:
     assert energy(sine, control_hz=100) == pytest.approx(3.0**2 * 4.0 / 2)
     assert relative_peak_factor(sine) == pytest.approx(1.0)
     for silent in (np.zeros(5), np.zeros(0)):
-        with pytest.raises(ValueError, match="not zero throughout"):
+        with pytest.raises(ValueError, match="empty or zero throughout"):
             relative_peak_factor(silent)
 
 

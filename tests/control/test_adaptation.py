@@ -1,4 +1,4 @@
-"""The correction: caution, limits of the command, and that new gains would be no other than scaled ones."""
+"""The correction: caution, limits of the command, and equivalence of redesigned and scaled gains."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def test_cautious_correction_has_the_least_mean_square_error() -> None:
     K = mean + std * np.random.default_rng(1).standard_normal(200_000)
     u = np.linspace(0.0, 0.3, 3001)
     best = u[np.argmin([np.mean((K * v - demand) ** 2) for v in u])]
-    assert demand / _adaptation(caution=1.0).believed(mean, std) == pytest.approx(best, rel=0.01)
-    assert _adaptation().believed(mean, std) == mean
-    assert _adaptation(caution=3.0).believed(mean, 5.0) == 1.0  # never less than the healthy law would do
-    assert _adaptation(caution=1.0).believed(0.01, 0.0) == 0.08
+    assert demand / _adaptation(caution=1.0).effectiveness_used(mean, std) == pytest.approx(best, rel=0.01)
+    assert _adaptation().effectiveness_used(mean, std) == mean
+    assert _adaptation(caution=3.0).effectiveness_used(mean, 5.0) == 1.0  # never less than the healthy law's demand
+    assert _adaptation(caution=1.0).effectiveness_used(0.01, 0.0) == 0.08
 
 
-def test_the_reference_is_cut_to_what_is_left() -> None:
+def test_the_reference_is_limited_to_the_remaining_elevator() -> None:
     adaptation = _adaptation(trim_rad=-0.02, peak_per_reference=0.5)
     assert adaptation.reference(0.05, 1.0) == 0.05
     assert adaptation.reference(0.9, 0.1) == pytest.approx((0.04 - 0.02) / 0.5)
@@ -53,16 +53,16 @@ def test_peak_deflection_is_that_of_a_fine_simulation(design: ShortPeriod) -> No
 
 
 @pytest.mark.parametrize("K", [0.5, 0.2, 0.1])
-def test_gains_designed_anew_for_what_is_left_are_the_scaled_ones(design: ShortPeriod, K: float) -> None:
-    """Poles placed on (A, K b) give k/K on alpha, q and reference and the same on the elevator: what 1/K with K d fed back does."""
+def test_gains_redesigned_for_the_remaining_elevator_are_the_scaled_ones(design: ShortPeriod, K: float) -> None:
+    """Poles placed on (A, K b) give k/K on alpha, q and reference and the same gain on the elevator, like 1/K with K d fed back."""
     healthy = design_proportional(design)
     weak = ShortPeriod(design.A, K * design.b, design.actuator_rad_s)
-    anew = design_proportional(weak, default_poles(design))
-    assert anew.alpha == pytest.approx(healthy.alpha / K)
-    assert anew.q == pytest.approx(healthy.q / K)
-    assert anew.reference == pytest.approx(healthy.reference / K)
-    assert anew.elevator == pytest.approx(healthy.elevator)
+    redesigned = design_proportional(weak, default_poles(design))
+    assert redesigned.alpha == pytest.approx(healthy.alpha / K)
+    assert redesigned.q == pytest.approx(healthy.q / K)
+    assert redesigned.reference == pytest.approx(healthy.reference / K)
+    assert redesigned.elevator == pytest.approx(healthy.elevator)
     demand = healthy.alpha * 0.02 + healthy.q * 0.03 + healthy.reference * 0.05 + healthy.elevator * (K * 4 * DEG)
     assert demand / K == pytest.approx(
-        anew.alpha * 0.02 + anew.q * 0.03 + anew.reference * 0.05 + anew.elevator * 4 * DEG
+        redesigned.alpha * 0.02 + redesigned.q * 0.03 + redesigned.reference * 0.05 + redesigned.elevator * 4 * DEG
     )

@@ -37,15 +37,17 @@ def test_integral_adds_up_and_holds_at_the_stop() -> None:
 @pytest.mark.parametrize(("feedback", "fed"), [("effective", 0.25 * -0.08), ("position", -0.08)])
 def test_the_correction_multiplies_the_whole_deflection_trim_included(feedback: str, fed: float) -> None:
     adaptation = Adaptation(enabled=True, estimator=0, floor=0.08, feedback=feedback, min_rad=-0.4, max_rad=0.4)
-    believed = adaptation.believed(0.25)
-    assert adaptation.position_feedback(-0.08, believed) == pytest.approx(fed)
-    assert adaptation.command(-0.02, believed) == pytest.approx(-0.08)  # K x -0.08 = -0.02, the trim that is needed
+    effectiveness_used = adaptation.effectiveness_used(0.25)
+    assert adaptation.position_feedback(-0.08, effectiveness_used) == pytest.approx(fed)
+    assert adaptation.command(-0.02, effectiveness_used) == pytest.approx(
+        -0.08
+    )  # K x -0.08 = -0.02, the trim that is needed
 
 
 def test_floor_stops_and_off_switch() -> None:
     adaptation = Adaptation(enabled=True, estimator=0, floor=0.08, feedback="effective", min_rad=-0.4, max_rad=0.4)
-    assert adaptation.believed(0.01) == 0.08
+    assert adaptation.effectiveness_used(0.01) == 0.08
     assert adaptation.command(0.2, 0.08) == 0.4
     assert adaptation.command(-0.2, 0.08) == -0.4
     off = Adaptation(enabled=False, estimator=0, floor=0.08, feedback="effective", min_rad=-0.4, max_rad=0.4)
-    assert off.believed(0.2) == 1.0
+    assert off.effectiveness_used(0.2) == 1.0

@@ -25,7 +25,7 @@ from flightbed.control.load_factor import (
     increment_g,
     second_order,
 )
-from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, settled
+from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, rest_state
 from flightbed.control.nz_scheduled import NzScheduled
 from flightbed.errors import DesignError
 from flightbed.estimation.plid import PlidConfig, Tracking
@@ -60,7 +60,7 @@ def test_the_loop_has_its_poles_follows_and_answers_with_the_slow_pair() -> None
     u = k @ rest + error
     assert POINT.c @ rest[:2] + POINT.d * u == pytest.approx(1.0, abs=1e-9)
     assert integral / error == pytest.approx(10.0)  # the zero of the reference
-    # Of what is left out, the elevator's lift through the error's gain: the poles are other ones with it.
+    # The design neglects the elevator's lift in the error feedback; with it the poles differ.
     assert np.linalg.eigvals(loop - error * POINT.d * np.outer(b, k))[0] != pytest.approx(POLES[0])
 
 
@@ -81,7 +81,7 @@ def test_the_poles_with_actuator_and_all_that_is_fed_back_are_those_of_the_loop_
     assert found.real.max() < -3.0
 
 
-def test_what_cannot_be_designed_is_an_error() -> None:
+def test_an_impossible_design_is_an_error() -> None:
     with pytest.raises(DesignError, match="14000 Pa.*does not control"):
         design_gains(replace(POINT, b=np.zeros(2), d=0.0))
     with pytest.raises(DesignError, match="3 states, 2 poles"):
@@ -159,7 +159,7 @@ def test_the_scheduled_law_stays_between_the_stops_and_holds_its_integral() -> N
 def _adaptive(**changed: object) -> NzAdaptive:
     settings = {"kept": 0.0, "filtered": 0.0} | changed
     tracking = Tracking(block_fade=1.001)
-    plid = PlidConfig(2, process_var=1e-12, output_var=0.0, prior=settled(THESIS_PRIOR, 0.0), tracking=tracking)
+    plid = PlidConfig(2, process_var=1e-12, output_var=0.0, prior=rest_state(THESIS_PRIOR, 0.0), tracking=tracking)
     poles = tuple(complex(np.exp(p / 100)) for p in POLES)
     placed = AckermannConfig(poles, FIRST_GAINS, SIGNS, kept=float(settings["kept"]))  # type: ignore[arg-type]
     config = NzAdaptiveConfig(plid, FACTORED, placed, float(settings["filtered"]))  # type: ignore[arg-type]
@@ -180,7 +180,8 @@ def test_a_plant_of_second_order_is_learned_and_followed(changed: dict[str, floa
         errors.append(abs(-y[-1] - r) if k % 200 > 180 else 0.0)
     assert law.model == pytest.approx((a_0, a_1, b_0, b_1), abs=2e-3)
     assert max(errors[2000:]) < 2e-3
-    assert law.gains[2] < 0.0 < min(law.gains[:2])
+    gains = law._placement.gains
+    assert gains[2] < 0.0 < min(gains[:2])
 
 
 @pytest.mark.parametrize("changed", [{}, {"filtered": 20.0}])

@@ -77,7 +77,7 @@ def test_a_lost_input_is_left_out_if_the_other_suffices(rng: np.random.Generator
     np.testing.assert_allclose(F[1], lq_gain(A, B[:, 1:], Q, R[1:, 1:])[0], rtol=1e-8, atol=1e-10)
 
 
-def test_what_has_no_law_is_refused() -> None:
+def test_an_impossible_design_is_refused() -> None:
     A, B, one = np.diag([1.2, 0.5]), np.array([[1.0, 0.0], [0.0, 1.0]]), np.eye(2)
     with pytest.raises(DesignError, match="no stabilizing gain"):
         redesign(A, B, one, one, np.array([0.0, 1.0]))
@@ -85,7 +85,7 @@ def test_what_has_no_law_is_refused() -> None:
         lq_gain(A, B, one, np.diag([1.0, 0.0]))
     with pytest.raises(DesignError, match=r"must not be negative \(got \[-0.1, 1.0\]\)"):
         redesign(A, B, one, one, np.array([-0.1, 1.0]))
-    with pytest.raises(DesignError, match="no weight offsets the loss"):
+    with pytest.raises(DesignError, match="no weight offsets the total loss"):
         offset_weights(one, np.array([0.0, 1.0]))
     with pytest.raises(ValueError, match=r"fade: must be in \[0, 1\)"):
         regulator(A, B, one, one, fade=1.0)
@@ -136,7 +136,7 @@ def test_the_integrators_take_the_step_of_a_redesign_whole_if_they_can() -> None
     np.testing.assert_allclose(there.command(x), here.command(x), rtol=1e-10)
 
 
-def test_what_the_integrators_cannot_take_fades() -> None:
+def test_the_step_beyond_the_integrators_decays() -> None:
     fade = 0.8
     settings = (_A, _B, np.eye(2), np.eye(2))
     old, abrupt, soft = (

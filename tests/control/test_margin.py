@@ -81,7 +81,7 @@ def test_with_two_inputs_it_is_that_of_all_eigenvalues_in_the_box(rng: np.random
 
 @pytest.mark.parametrize(("n", "seed"), [(3, 40), (4, 43), (4, 129)])
 def test_a_box_that_is_left_through_the_middle_of_a_face(n: int, seed: int) -> None:
-    """Mostly it is a corner that loses stability first; of these loops, found by trying, it is not."""
+    """Usually a corner of the box loses stability first; in these loops, found by search, another point does."""
     rng = np.random.default_rng(seed)
     A, B = rng.standard_normal((n, n)), rng.standard_normal((n, 2))
     F = lq_gain(A, B, np.eye(n), np.eye(2)) + 0.2 * rng.standard_normal((2, n))

@@ -1,4 +1,4 @@
-"""Pole placement: scipy, python-control, a case in which Ackermann's formula is left without digits, and what cannot be placed."""
+"""Pole placement against scipy and python-control, a case in which Ackermann's formula loses all digits, and impossible placements."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_it_equals_scipy_and_python_control(n: int, rng: np.random.Generator) ->
 
 
 def test_it_keeps_the_digits_that_ackermanns_formula_loses() -> None:
-    """A chain of 16 coupled lags, entered at one end: gains that are known are asked for by the poles they give.
+    """A chain of 16 coupled lags with the input at one end: known gains are recovered from their closed-loop poles.
 
     The problem is well posed: scipy finds them too. The controllability matrix has a condition of 1e11 all the same.
     """
@@ -54,15 +54,15 @@ def test_it_keeps_the_digits_that_ackermanns_formula_loses() -> None:
 
 
 def test_repeated_poles_are_placed() -> None:
-    """Which scipy refuses with one input; Kemp places three at 0.5."""
+    """Repeated poles, which scipy refuses with one input; Kemp places three at 0.5."""
     A, b = np.array([[0.0, -0.7826, 0.0], [1.0, 1.7692, 0.0], [0.0, -1.0, 1.0]]), np.array([0.15, -0.1025, 0.0])
     k = placement.gains(A, b, (0.5, 0.5, 0.5))
     assert np.poly(A - np.outer(b, k)) == pytest.approx([1.0, -1.5, 0.75, -0.125], abs=1e-11)
     assert k == pytest.approx(_ackermann(A, b, np.full(3, 0.5)), rel=1e-9)
 
 
-def test_an_uncontrollable_pair_is_told_by_its_distance(rng: np.random.Generator) -> None:
-    """A mode that the input reaches by so much is at most as far from being out of its reach."""
+def test_an_uncontrollable_pair_is_detected_by_its_distance(rng: np.random.Generator) -> None:
+    """The distance to an uncontrollable pair is at most the coupling of the input to a mode."""
     root = np.linalg.qr(rng.standard_normal((4, 4)))[0]
     A = root @ np.diag([0.9, 0.5, -0.3, 0.1]) @ root.T
     for reach in (1e-2, 1e-6, 1e-10):
@@ -75,7 +75,7 @@ def test_an_uncontrollable_pair_is_told_by_its_distance(rng: np.random.Generator
         placement.gains(A, np.zeros(4), (0.1, 0.2, 0.3, 0.4))
 
 
-def test_what_cannot_be_placed_is_refused() -> None:
+def test_impossible_placements_are_refused() -> None:
     with pytest.raises(ValueError, match="2 states, 1 poles"):
         placement.gains(np.eye(2), np.ones(2), (0.5,))
     with pytest.raises(ValueError, match="conjugate pairs"):

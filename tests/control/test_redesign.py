@@ -1,4 +1,4 @@
-"""Laws designed anew: gains against python-control, no step of the command, flights that a fixed law loses."""
+"""Redesigned laws: gains against python-control, no step of the command, flights that a fixed law loses."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_nothing_is_designed_before_an_alarm_and_small_changes_are_let_pass(desi
         (_estimate(0.44, 1.0), 0.44),
         (_estimate(0.01, 2.0), 0.08),
     ):
-        redesign.consider([estimate])
+        redesign.update([estimate])
         assert law.effectiveness == K
     assert law.gains == pitch_lq(design, WEIGHTS, control_hz=100, effectiveness=0.08)
 
@@ -85,7 +85,7 @@ def test_an_aircraft_that_the_fixed_law_loses_is_kept() -> None:
         ),
     ],
 )
-def test_what_cannot_be_designed_anew_is_said(override: str, problem: str) -> None:
+def test_an_impossible_redesign_is_refused(override: str, problem: str) -> None:
     with pytest.raises(ScenarioError) as raised:
         load_scenario("elevator-redesign", [override])
     assert any(problem in line for line in str(raised.value).splitlines()), raised.value

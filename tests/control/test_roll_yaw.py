@@ -1,4 +1,4 @@
-"""The regulator of roll and yaw: gains against python-control, DC gain, and what effective feedback makes of a weak surface."""
+"""The regulator of roll and yaw: gains against python-control, DC gain, and effective feedback of a weak surface."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_the_dc_gain_is_one_on_the_design_model(turning: LateralDirectional, law
 
 
 @pytest.mark.parametrize("shares", [(1.0, 1.0), (0.4, 1.0), (1.0, 0.25), (0.3, 0.5)])
-def test_effective_feedback_makes_the_loop_healthy_whatever_is_left(
+def test_effective_feedback_makes_the_loop_healthy_at_any_effectiveness(
     turning: LateralDirectional, law: RollYaw, shares: tuple[float, float]
 ) -> None:
     """With K known, K times position and the state move as those of the whole aircraft, exactly."""
@@ -77,8 +77,8 @@ def test_effective_feedback_makes_the_loop_healthy_whatever_is_left(
         x, rows = np.array([0.02, 0.1, -0.05, 0.0, 0.0]), []
         for k in range(300):
             rows.append(np.concatenate([x[:3], x[3:] * left]))
-            believed = [c.believed(share) for c, share in zip(corrections, left, strict=True)]
-            fed = [c.position_feedback(p, K) for c, p, K in zip(corrections, x[3:], believed, strict=True)]
+            effectiveness = [c.effectiveness_used(share) for c, share in zip(corrections, left, strict=True)]
+            fed = [c.position_feedback(p, K) for c, p, K in zip(corrections, x[3:], effectiveness, strict=True)]
             demand = law.demand(
                 LateralMeasurement(*x[:3], *x[3:], *x[3:]),
                 p_ref_rad_s=0.2 if k < 150 else -0.2,
@@ -86,7 +86,7 @@ def test_effective_feedback_makes_the_loop_healthy_whatever_is_left(
                 aileron_rad=fed[0],
                 rudder_rad=fed[1],
             )
-            u = [c.command(d, K) for c, d, K in zip(corrections, demand, believed, strict=True)]
+            u = [c.command(d, K) for c, d, K in zip(corrections, demand, effectiveness, strict=True)]
             x = A @ x + G @ np.array(u)
         return np.array(rows)
 
@@ -98,5 +98,5 @@ def test_surfaces_that_do_not_do_different_things_are_refused(turning: LateralDi
     model = LateralDirectional(
         turning.A, same, turning.gravity, turning.alpha_trim_rad, turning.actuators_rad_s, turning.tables
     )
-    with pytest.raises(DesignError, match="do not set roll rate and sideslip independently"):
+    with pytest.raises(DesignError, match="do not control roll rate and sideslip independently"):
         RollYaw(model, WEIGHTS, control_hz=HZ)

@@ -1,4 +1,4 @@
-"""Detection, the held estimate and the disturbances, where the truth is known."""
+"""Detection, held estimate and disturbances, with known truth."""
 
 from __future__ import annotations
 
@@ -53,10 +53,8 @@ def test_detection_brings_the_estimate_sooner(design: ShortPeriod) -> None:
     assert into[30.0] < 0.8 * into[0.0]
 
 
-def test_an_estimate_without_information_is_held_and_sigma_says_so(
-    design: ShortPeriod, rng: np.random.Generator
-) -> None:
-    """The elevator comes to stand at zero: K has no effect. With the hold the estimate stays; without, it goes to the prior's 1."""
+def test_an_estimate_without_information_is_held_and_sigma_grows(design: ShortPeriod, rng: np.random.Generator) -> None:
+    """The elevator stays at zero, so K has no effect. With the hold the estimate stays; without, it goes to 1, the prior."""
     noise = SensorNoise(0.03 * DEG, 0.1108 * DEG)
     b = design.discrete(100)
     ends, stds = {}, {}
@@ -69,7 +67,7 @@ def test_an_estimate_without_information_is_held_and_sigma_says_so(
             readings = x + generator.standard_normal(2) * [noise.alpha_rad, noise.q_rad_s]
             found.append(estimator.update(Measurement(readings[0] + design.alpha_trim_rad, readings[1], d, d)))
             x = b.A @ x + b.b * ((0.4 * d if k < 299 else 0.0) - design.elevator_trim_rad)
-            x *= 0.9 if k > 300 else 1.0  # whatever moves it, it is not the elevator: keep it in range
+            x *= 0.9 if k > 300 else 1.0  # keeps the state in range by other means than the elevator
         ends[hold], stds[hold] = found[299].effectiveness_smoothed, found[-1].effectiveness_std
     assert ends[0.3] == pytest.approx(0.4, abs=0.05)
     assert stds[0.3] > 0.25
@@ -80,7 +78,7 @@ def test_an_estimate_without_information_is_held_and_sigma_says_so(
 def test_sigma_is_honest_in_rough_air_if_disturbances_are_followed(
     design: ShortPeriod, follow: bool, honest: bool
 ) -> None:
-    """White pitch accelerations of 40 deg/s^2 a tick, of which the filter is not told; NEES of K over 10 flights."""
+    """White pitch accelerations of 40 deg/s^2 per tick, unknown to the filter; NEES of K over 10 flights."""
     noise = SensorNoise(0.03 * DEG, 0.1108 * DEG)
     step, trim = design.discrete(100), design.elevator_trim_rad
     nees = []
@@ -119,7 +117,7 @@ def test_the_tick_with_all_of_it_gives_the_same_compiled_and_plain(rng: np.rando
 
 
 def test_the_smoothed_estimate_does_not_wander_where_nothing_shows_k() -> None:
-    """Trim elevator zero (c.g. 5.7 % aft), level flight after a loss that one doublet showed: 5 s later it is still there."""
+    """Trim elevator zero (c.g. 5.7 % aft), level flight after a loss during one doublet: 5 s later the estimate is unchanged."""
     wrong = {}
     for hold in (0.0, 0.3):
         sets = [

@@ -1,4 +1,4 @@
-"""The test by weighted sums of squares: its thresholds against the laws that they claim."""
+"""The test by weighted sums of squares: its thresholds against their distributions."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from flightbed.estimation.bias_test import (
 
 
 def _statistics(z: np.ndarray, window: int) -> np.ndarray:
-    """d at the end of every row of z, by the test itself, whose inputs are the rows, some at a time."""
+    """d at the end of every row of z, from the test itself; the rows are its inputs, in blocks."""
     found = []
     for rows in np.split(z, 100):
         test = BiasTest(BiasTestConfig(window, (1.0,) * len(rows)))
         for column in rows.T:
-            told = test.update(column, np.eye(len(rows)))
-        found.append(told.statistic)
+            result = test.update(column, np.eye(len(rows)))
+        found.append(result.statistic)
     return np.concatenate(found)
 
 
@@ -49,7 +49,7 @@ def test_thresholds_of_the_table() -> None:
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9, 0.99, 1.0])
 def test_the_effective_degrees_give_the_variance_of_d_exactly(rng: np.random.Generator, rho: float) -> None:
-    """Of a sum of squares of jointly Gaussian variables it is 2 tr(C^2)."""
+    """The variance of a sum of squares of jointly Gaussian variables is 2 tr(C^2)."""
     window = 5
     lags = np.arange(window)
     C = rho ** np.abs(lags[:, None] - lags)
@@ -100,7 +100,7 @@ def test_the_statistic_by_hand() -> None:
     np.testing.assert_allclose(test.update(np.zeros(2), P).statistic, [0.25, 2.25])  # the first has left the window
 
 
-def test_what_makes_no_test_is_refused() -> None:
+def test_invalid_settings_are_refused() -> None:
     with pytest.raises(ValueError, match="window: must be at least 1 sample"):
         BiasTestConfig(0, (1.0,))
     with pytest.raises(ValueError, match="thresholds: must be positive"):

@@ -1,4 +1,4 @@
-"""Regression of a reconstruction on the measured deflection: exact without noise, its variance that of the noise, its test at its rate."""
+"""Regression of a reconstruction on the measured deflection: exact without noise, correct variance, false alarms at the nominal rate."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from scipy.stats import binom, chi2, norm
 
 from flightbed.estimation import following_kernels as kernels
 from flightbed.estimation.following import FollowingConfig, begin, packed
-from flightbed.estimation.following_kernels import STAGGERED, Following, Told, follow, reopen, solved
+from flightbed.estimation.following_kernels import STAGGERED, Following, FollowingEstimate, follow, restart, solved
 from flightbed.estimation.input_model import InputModel
 from flightbed.estimation.reconstruction_methods import (
-    ByRandomWalk,
-    ByRetrospectiveCost,
     Method,
+    RandomWalkMethod,
+    RetrospectiveCostMethod,
     RetrospectiveSettings,
     WalkSettings,
 )
@@ -31,8 +31,8 @@ METHODS = ("walk", "retrospective")
 
 def _method(name: str) -> Method:
     if name == "walk":
-        return ByRandomWalk(WalkSettings(), Q)
-    return ByRetrospectiveCost(RetrospectiveSettings().config(DEG))
+        return RandomWalkMethod(WalkSettings(), Q)
+    return RetrospectiveCostMethod(RetrospectiveSettings().config(DEG))
 
 
 def _model(design: ShortPeriod) -> InputModel:
@@ -46,13 +46,13 @@ def _model(design: ShortPeriod) -> InputModel:
 
 
 def _moving(ticks: int) -> np.ndarray:
-    """A deflection, deg, that excites."""
+    """An exciting deflection, deg."""
     t = np.arange(ticks) * 0.01
     return -2.0 + 1.5 * np.sin(5.0 * t) + np.sin(11.0 * t + 1.0)
 
 
 def _readings(model: InputModel, acting: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
-    """What the sensors say, (T, 2), of an aircraft that is the model; with their noise and the process's if there is a generator."""
+    """Readings, (T, 2), of an aircraft that equals the model; with sensor and process noise if a generator is given."""
     x, ys = np.array([20.0, 0.0]), []
     for k in range(acting.size):
         ys.append(x + (0.0 if rng is None else rng.standard_normal(2)))
@@ -62,34 +62,34 @@ def _readings(model: InputModel, acting: np.ndarray, rng: np.random.Generator | 
     return np.array(ys)
 
 
-def _told(
+def _estimates(
     name: str, model: InputModel, ys: np.ndarray, deflection: np.ndarray, config: FollowingConfig, *,
     commanded: np.ndarray | None = None, position_std_deg: float = 0.0,
-) -> Iterator[tuple[float, Told, Following]]:  # fmt: skip
-    """Yield the reconstruction, what is told of it and what is carried along, tick by tick; deflections are of the period that begins."""
+) -> Iterator[tuple[float, FollowingEstimate, Following]]:  # fmt: skip
+    """Yield reconstruction, estimate and memory at every tick; the deflections are those of the period that starts there."""
     method, settings = _method(name), packed(config, position_std_deg * DEG)
     memory = begin(method.states, config)
     for k, y in enumerate(ys):
         if k == 0:
             method.begin(model, y)
         found = method.take(model, y)
-        asked = nan if commanded is None else commanded[max(k - 1, 0)]
-        told = follow(
-            *memory, settings, found.F, found.G, Q, model.B[:, 0], found.innovation, found.input, deflection[max(k - 1, 0)], asked
+        command = nan if commanded is None else commanded[max(k - 1, 0)]
+        estimate = follow(
+            *memory, settings, found.F, found.G, Q, model.B[:, 0], found.innovation, found.input, deflection[max(k - 1, 0)], command
         )  # fmt: skip
-        yield found.input, told, memory
+        yield found.input, estimate, memory
 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_without_noise_k_and_offset_are_exact_however_late_the_reconstruction_is(
     design: ShortPeriod, name: str
 ) -> None:
-    """u^ = K d^ + o 1^ holds to round-off while u^ itself is far from what acts: its lag is in d^ and 1^ too."""
+    """u^ = K d^ + o 1^ holds to round-off although u^ lags the acting deflection: d^ and 1^ have the same lag."""
     model, deflection = _model(design), _moving(400)
     acting = 0.37 * deflection + 0.8
     late, checked = 0.0, 0
     for k, (u, _, memory) in enumerate(
-        _told(name, model, _readings(model, acting, None), deflection, FollowingConfig())
+        _estimates(name, model, _readings(model, acting, None), deflection, FollowingConfig())
     ):
         late = max(late, abs(u - acting[k - 1])) if k > 200 else late
         for m in range(1 + STAGGERED):
@@ -102,26 +102,26 @@ def test_without_noise_k_and_offset_are_exact_however_late_the_reconstruction_is
 
 
 def _standardized(name: str, design: ShortPeriod, rng: np.random.Generator, runs: int) -> np.ndarray:
-    """Errors of K and o over their standard deviations, (runs, 2), of the exact model and a deflection given beforehand."""
+    """Errors of K and o over their standard deviations, (runs, 2), with the exact model and a prescribed deflection."""
     model, deflection = _model(design), _moving(90)
     acting, z = 0.6 * deflection + 0.5, []
     config = FollowingConfig(forgetting=0.99, window=45)
     for _ in range(runs):
-        *_, (_, _, memory) = _told(name, model, _readings(model, acting, rng), deflection, config)
+        *_, (_, _, memory) = _estimates(name, model, _readings(model, acting, rng), deflection, config)
         K, o, var_K, var_o, _ = solved(memory.sums[0], memory.spread[0])
         z.append([(K - 0.6) / np.sqrt(var_K), (o - 0.5) / np.sqrt(var_o)])
     return np.array(z)
 
 
 def test_the_variances_of_k_and_offset_are_those_of_the_noise(design: ShortPeriod, rng: np.random.Generator) -> None:
-    """The random walk's filter is linear and its gain known: errors over standard deviations have the variance 1 (300 runs)."""
+    """The random walk's filter is linear with known gain: errors over standard deviations have the variance 1 (300 runs)."""
     squares = np.sum(_standardized("walk", design, rng, 300) ** 2, axis=0)
     low, high = chi2.ppf([0.0005, 0.9995], 300)
     assert np.all((low < squares) & (squares < high)), squares / 300
 
 
 def test_those_of_the_retrospective_cost_are_too_small(design: ShortPeriod, rng: np.random.Generator) -> None:
-    """Its gains come of the same noise, which the covariance takes for given: by less than a half, as the documents say (300 runs)."""
+    """Its gains depend on the noise, but the covariance treats them as given: too small by less than a half, as documented (300 runs)."""
     mean_square = np.mean(_standardized("retrospective", design, rng, 300) ** 2, axis=0)
     assert np.all(mean_square < 1.5 * (1.0 + 3.3 * np.sqrt(2.0 / 300)))
     assert np.mean(mean_square) > 1.0
@@ -130,19 +130,24 @@ def test_those_of_the_retrospective_cost_are_too_small(design: ShortPeriod, rng:
 def test_nis_is_chi_square_where_k_is_known(design: ShortPeriod, rng: np.random.Generator) -> None:
     model, deflection = _model(design), _moving(4000)
     config = FollowingConfig(forgetting=1.0, prior_effectiveness=0.6, prior_effectiveness_std=1e-6)
-    nis = [told.nis for _, told, _ in _told("walk", model, _readings(model, 0.6 * deflection, rng), deflection, config)]
+    nis = [
+        estimate.nis
+        for _, estimate, _ in _estimates("walk", model, _readings(model, 0.6 * deflection, rng), deflection, config)
+    ]
     # Innovations of a filter that is not optimal for a known input are correlated over its memory, some 15 ticks.
     assert np.mean(nis[100:]) == pytest.approx(2.0, abs=4.0 * np.sqrt(4.0 / (3900 / 15)))
 
 
 def test_the_noise_of_the_position_feedback_is_in_the_variance(design: ShortPeriod, rng: np.random.Generator) -> None:
-    """Half a degree of it: without its share the errors would be several standard deviations."""
+    """0.5 deg of noise: without its share the errors would be several standard deviations."""
     model, acting, runs = _model(design), _moving(90), 200
     z: dict[float, list[float]] = {0.0: [], 0.5: []}
     for _ in range(runs):
         read, ys = acting + 0.5 * rng.standard_normal(acting.size), _readings(model, acting, rng)
         for std in z:
-            *_, (_, _, memory) = _told("walk", model, ys, read, FollowingConfig(forgetting=1.0), position_std_deg=std)
+            *_, (_, _, memory) = _estimates(
+                "walk", model, ys, read, FollowingConfig(forgetting=1.0), position_std_deg=std
+            )
             K, _, var, _, _ = solved(memory.sums[0], memory.spread[0])
             z[std].append((K - 1.0) / np.sqrt(var))
     assert np.mean(np.square(z[0.0])) > 2.0
@@ -150,18 +155,18 @@ def test_the_noise_of_the_position_feedback_is_in_the_variance(design: ShortPeri
 
 
 def test_false_alarms_come_at_the_rate_that_is_asked_for(design: ShortPeriod, rng: np.random.Generator) -> None:
-    """Nothing beside K, no tolerance: a window's o beyond the threshold, and two in a row on the same side, against binomial bounds."""
+    """No offset, no tolerance: rates of a window's o beyond the threshold, and of two agreeing windows, against binomial bounds."""
     config = FollowingConfig(false_alarm=0.02, offset_rad=0.0, follow_disturbances=False)
     assert config.threshold == pytest.approx(norm.isf(0.1))
     model, deflection = _model(design), _moving(70_000)
     ys, last = _readings(model, 0.8 * deflection, rng), 0.0
     windows = beyond = twice = 0
-    for k, (_, _, memory) in enumerate(_told("walk", model, ys, deflection, config)):
+    for k, (_, _, memory) in enumerate(_estimates("walk", model, ys, deflection, config)):
         if k > 0 and memory.ages[1] == 0.0:  # closed now
-            said, windows = memory.said[1], windows + 1
-            beyond += said != 0.0
-            twice += said != 0.0 and said == last
-            last = said
+            sign, windows = memory.offset_signs[1], windows + 1
+            beyond += sign != 0.0
+            twice += sign != 0.0 and sign == last
+            last = sign
     assert windows == 70_000 // 45
     for found, rate in ((beyond, 0.2), (twice, 0.02)):
         low, high = binom.ppf([0.0005, 0.9995], windows, rate)
@@ -173,55 +178,55 @@ def test_false_alarms_come_at_the_rate_that_is_asked_for(design: ShortPeriod, rn
     ("acting", "verdict"),
     [
         (lambda d: 0.4 * d, kernels.EXPLAINED),
-        (lambda d: d + 1.0, kernels.BESIDE),
-        (lambda d: np.full_like(d, 1.5), kernels.BESIDE),
+        (lambda d: d + 1.0, kernels.OFFSET),
+        (lambda d: np.full_like(d, 1.5), kernels.OFFSET),
     ],
     ids=["weak", "biased", "came off"],
 )
-def test_what_no_effectiveness_explains_is_told(
+def test_a_deviation_that_no_effectiveness_explains_is_declared(
     design: ShortPeriod, rng: np.random.Generator, name: str, acting: object, verdict: float
 ) -> None:
     model, deflection = _model(design), _moving(500)
     assert callable(acting)
     now = np.where(np.arange(500) < 200, deflection, acting(deflection))
-    told = [t for _, t, _ in _told(name, model, _readings(model, now, rng), deflection, FollowingConfig())]
-    assert all(t.verdict == kernels.EXPLAINED for t in told[:200])
-    assert told[-1].verdict == verdict
-    assert told[-1].alarms == (verdict != kernels.EXPLAINED)
+    estimates = [t for _, t, _ in _estimates(name, model, _readings(model, now, rng), deflection, FollowingConfig())]
+    assert all(t.verdict == kernels.EXPLAINED for t in estimates[:200])
+    assert estimates[-1].verdict == verdict
+    assert estimates[-1].alarms == (verdict != kernels.EXPLAINED)
 
 
 @pytest.mark.parametrize("name", METHODS)
 @pytest.mark.parametrize("stuck_deg", [None, 0.0, 0.2])
-def test_a_surface_that_follows_its_position_but_no_command_is_told(
+def test_a_surface_that_does_not_follow_its_command_is_declared(
     design: ShortPeriod, rng: np.random.Generator, name: str, stuck_deg: float | None
 ) -> None:
-    """Wherever it is stuck: at zero K = 0 would explain it, of the commands."""
+    """At any stuck position, including zero, where K = 0 would explain the response to the commands."""
     model, commanded = _model(design), _moving(500)
     position = np.where(np.arange(500) < 200, commanded, commanded[200] if stuck_deg is None else stuck_deg)
     ys = _readings(model, position, rng)
-    told = [t for _, t, _ in _told(name, model, ys, position, FollowingConfig(), commanded=commanded)]
-    assert told[199].verdict == kernels.EXPLAINED
-    assert (told[-1].verdict, told[-1].alarms) == (kernels.ACTUATOR, 1.0)
-    again = [t for _, t, _ in _told(name, model, ys, position, FollowingConfig())]  # nobody told the command
-    assert again[-1].verdict != kernels.ACTUATOR
+    estimates = [t for _, t, _ in _estimates(name, model, ys, position, FollowingConfig(), commanded=commanded)]
+    assert estimates[199].verdict == kernels.EXPLAINED
+    assert (estimates[-1].verdict, estimates[-1].alarms) == (kernels.ACTUATOR, 1.0)
+    uncommanded = [t for _, t, _ in _estimates(name, model, ys, position, FollowingConfig())]  # no command was given
+    assert uncommanded[-1].verdict != kernels.ACTUATOR
 
 
 def test_the_position_is_held_against_the_commands_at_the_rate_that_is_asked_for(
     design: ShortPeriod, rng: np.random.Generator
 ) -> None:
-    """Noise of the position feedback alone, no tolerance: against binomial bounds, as of the other test."""
+    """Noise of the position feedback alone, no tolerance: rates against binomial bounds, as for the other test."""
     config, ticks = FollowingConfig(false_alarm=0.02, offset_rad=0.0, follow_disturbances=False), 45_000
     model, commanded = _model(design), _moving(ticks)
     read = commanded + 0.2 * rng.standard_normal(ticks)
     ys, last = _readings(model, commanded, rng), 0.0
     windows = beyond = twice = 0
-    told = _told("walk", model, ys, read, config, commanded=commanded, position_std_deg=0.2)
-    for k, (_, _, memory) in enumerate(told):
+    estimates = _estimates("walk", model, ys, read, config, commanded=commanded, position_std_deg=0.2)
+    for k, (_, _, memory) in enumerate(estimates):
         if k > 0 and memory.ages[1 + STAGGERED] == 0.0:
-            said, windows = memory.said[1 + STAGGERED], windows + 1
-            beyond += said != 0.0
-            twice += said != 0.0 and said == last
-            last = said
+            sign, windows = memory.offset_signs[1 + STAGGERED], windows + 1
+            beyond += sign != 0.0
+            twice += sign != 0.0 and sign == last
+            last = sign
     assert windows == ticks // 45
     for found, rate in ((beyond, 0.2), (twice, 0.02)):
         low, high = binom.ppf([0.0005, 0.9995], windows, rate)
@@ -232,13 +237,19 @@ def test_a_verdict_is_taken_back_when_it_holds_no_longer(design: ShortPeriod, rn
     model, deflection = _model(design), _moving(900)
     k = np.arange(900)
     acting = deflection + np.where((k >= 200) & (k < 500), 1.0, 0.0)
-    told = [t for _, t, _ in _told("walk", model, _readings(model, acting, rng), deflection, FollowingConfig())]
-    assert (told[490].verdict, told[-1].verdict, told[-1].alarms) == (kernels.BESIDE, kernels.EXPLAINED, 1.0)
+    estimates = [
+        t for _, t, _ in _estimates("walk", model, _readings(model, acting, rng), deflection, FollowingConfig())
+    ]
+    assert (estimates[490].verdict, estimates[-1].verdict, estimates[-1].alarms) == (
+        kernels.OFFSET,
+        kernels.EXPLAINED,
+        1.0,
+    )
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_what_begins_anew_is_exact_from_then_on_and_knows_its_k(design: ShortPeriod, name: str) -> None:
-    """As without a restart u^ = K d^ + o 1^, at every tick after it; windows open anew, K is not forgotten."""
+def test_a_restart_is_exact_afterwards_and_keeps_k(design: ShortPeriod, name: str) -> None:
+    """u^ = K d^ + o 1^ at every tick after a restart, as without one; the windows start again, K is kept."""
     model, deflection, config = _model(design), _moving(300), FollowingConfig()
     acting = 0.37 * deflection + 0.8
     ys, method, settings = _readings(model, acting, None), _method(name), packed(config, 0.0)
@@ -248,7 +259,7 @@ def test_what_begins_anew_is_exact_from_then_on_and_knows_its_k(design: ShortPer
         if k in (0, 150):
             method.begin(model, y)
         if k == 150:
-            reopen(memory, 45)
+            restart(memory, 45)
             np.testing.assert_array_equal(memory.ages[1:], [0.0, -15.0, -30.0] * 2)
             assert not memory.sums[1:].any()
             assert memory.sums[0].any()

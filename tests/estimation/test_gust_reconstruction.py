@@ -1,4 +1,4 @@
-"""A harmonic gust of a frequency that nobody on board knows, reconstructed in flight with the elevator known."""
+"""A harmonic gust of unknown frequency, reconstructed in flight with the elevator known."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _harmonic(values: np.ndarray, t_s: np.ndarray, hz: float) -> complex:
 
 
 @pytest.mark.parametrize("hz", [0.3, 0.7, 1.5])
-def test_amplitude_and_phase_are_found_whatever_the_frequency(hz: float) -> None:
+def test_amplitude_and_phase_are_found_at_any_frequency(hz: float) -> None:
     for seed in range(2):
         trace = run(load_scenario("harmonic-gust", [f"gusts.0.frequency_hz={hz}", f"seed={seed}"])).trace
         k = slice(500, 1650)
@@ -27,17 +27,17 @@ def test_amplitude_and_phase_are_found_whatever_the_frequency(hz: float) -> None
         truth = _harmonic(gust, t_s, hz)
         assert abs(truth) == pytest.approx(0.72, abs=0.03)  # 10 ft/s at 243 m/s
         for name, share, phase_deg, rms in zip(NAMES, (0.15, 0.06), (15.0, 8.0), (0.25, 0.1), strict=True):
-            found = np.roll(trace[f"{name}.reconstructed_deg"], -1)[:-1]  # told a tick later
+            found = np.roll(trace[f"{name}.reconstructed_deg"], -1)[:-1]  # one tick late
             error = found[500:1649] - gust[:-1]
             ratio = _harmonic(found[500:1649], t_s[:-1], hz) / truth
             assert abs(ratio) == pytest.approx(1.0, abs=share), (name, seed)
             assert abs(np.angle(ratio, deg=True)) < phase_deg, (name, seed)
             assert np.sqrt(np.mean(error**2)) < rms, (name, seed)
-            assert np.all(np.isnan(trace[f"{name}.effectiveness_smoothed"]))  # nothing is said of K
+            assert np.all(np.isnan(trace[f"{name}.effectiveness_smoothed"]))  # K is not estimated
 
 
-def test_air_that_moves_steadily_is_forgotten_it_cannot_be_told_from_none() -> None:
-    """A zero of the outputs at 1: of a gust that stays w/V is seen while it comes, and gone after some 5 s."""
+def test_steady_motion_of_the_air_is_forgotten_because_it_is_unobservable() -> None:
+    """A zero of the outputs at 1: w/V of a lasting gust appears at its onset and decays after about 5 s."""
     gust = "gusts.0={at_s=3.0, up_fps=10.0, rise_s=0.5, hold_s=30.0}"
     trace = run(load_scenario("harmonic-gust", ["gusts=[]", gust, "command.kind=none", "duration_s=25"])).trace
     there = trace["gust_alpha_deg"][400]

@@ -1,4 +1,4 @@
-"""Markov parameters by simulation; zeros by python-control; shapes that do not fit are refused."""
+"""Markov parameters against simulation; zeros against python-control; inconsistent shapes are refused."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_zeros_are_those_of_python_control(rng: np.random.Generator, n: int, m: 
         model = random_model(rng, n, m, m)
         theirs = control.zeros(control.ss(model.A, model.B, model.C, np.zeros((m, m)), 1.0))
         ours = invariant_zeros(model)
-        theirs = theirs[np.abs(theirs) < 1e6]  # it leaves infinite ones in
+        theirs = theirs[np.abs(theirs) < 1e6]  # python-control includes infinite zeros
         assert len(ours) == len(theirs) == n - m
         for zero in theirs:
             assert np.min(np.abs(ours - zero)) < 1e-6 * (1.0 + abs(zero))

@@ -1,4 +1,4 @@
-"""Baselines of input reconstruction against filterpy, against the limit of an input without prior, and against theory."""
+"""Alternative methods of input reconstruction against filterpy, the limit of an input without prior, and theory."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def test_the_kalman_filter_is_filterpys(rng: np.random.Generator, dynamics: Inpu
         theirs.x[:3, 0] += model.G @ v
 
 
-def test_an_input_that_is_as_believed_is_found_exactly_even_behind_a_zero_on_the_unit_circle() -> None:
-    """Internal model: without noise the filter that knows the frequency converges on the sampled rigid body."""
+def test_a_correctly_modelled_input_is_found_exactly_even_behind_a_zero_on_the_unit_circle() -> None:
+    """Internal model: without noise the filter with the known frequency converges on the sampled rigid body."""
     model = oscillator(0.0)
     ours = InputKalmanFilter(
         harmonic(1, 0.2, step_std=0.0, initial_std=1.0), model, process=np.zeros((2, 2)), noise=1e-6 * np.eye(1), state_covariance=np.eye(2)
@@ -103,7 +103,7 @@ def test_the_observer_is_the_kalman_filter_of_a_white_input_without_prior(
 
 
 def test_without_noise_the_error_dies_by_the_zeros(rng: np.random.Generator) -> None:
-    """As many inputs as outputs: the observer's modes are the zeros, whatever the covariances."""
+    """Equal numbers of inputs and outputs: the observer's modes are the zeros, for any covariances."""
     model = oscillator(4.0, 2.0, 0.1)
     (zero,) = invariant_zeros(model).real
     ours = UnknownInputObserver(model, process=np.eye(2), noise=np.eye(1), state_covariance=1e-9 * np.eye(2))
@@ -139,7 +139,7 @@ def test_it_does_not_exist_where_the_plant_hides_the_input(rng: np.random.Genera
     assert "rank 0 for 1" in str(no_observer(InputModel(np.eye(2), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]))))
     with pytest.raises(ValueError, match="no unknown-input observer: a mode at -1"):
         UnknownInputObserver(oscillator(0.0), process=np.eye(2), noise=np.eye(1), state_covariance=np.eye(2))
-    for _ in range(40):  # square systems: it is the zeros that decide
+    for _ in range(40):  # in square systems the zeros decide
         model = random_model(rng, 4, 2, 2)
         assert (no_observer(model) is None) == bool(np.all(np.abs(invariant_zeros(model)) < 1.0))
 

@@ -1,4 +1,4 @@
-"""The kernels of a window against the general filter: the same to the last bit."""
+"""The kernels of a window against the general filter: bit-identical."""
 
 from __future__ import annotations
 
@@ -58,4 +58,4 @@ def test_a_filter_starts_from_its_prior(rng: np.random.Generator, begin: str) ->
         joint.correct(X, P, np.zeros((4, 3, 1)), np.eye(2), r, (float(z[0]), float(z[1])))
     np.testing.assert_array_equal(bank[0:3, 1], X[:, 0])
     np.testing.assert_array_equal(bank[3:12, 1].reshape(3, 3), P[:, :, 0])
-    np.testing.assert_array_equal(bank[:, [0, 2]], 0.0)  # the others are left alone
+    np.testing.assert_array_equal(bank[:, [0, 2]], 0.0)  # the other filters are unchanged

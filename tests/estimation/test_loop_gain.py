@@ -1,4 +1,4 @@
-"""The estimator in the loop: consistency where its model is true, memories, bounds, smoothing."""
+"""The estimator in the loop: consistency with a true model, memories, bounds, smoothing."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from flightbed.units import DEG
 from tests.linear_flight import NOISE, fly_linear
 
 RUNS = 200
-# Two-sided bound that a consistent filter breaks once in 10,000 draws of the seed; the seed is fixed.
+# Two-sided bound that a consistent filter exceeds once in 10,000 seeds; the seed is fixed.
 TAIL = 0.5e-4
 EXPANDING = LoopGainConfig(
     memory="expanding",
@@ -38,7 +38,7 @@ EXPANDING = LoopGainConfig(
 def test_nis_and_nees_are_chi_square_when_the_model_is_true(
     rng: np.random.Generator, design: ShortPeriod, config: LoopGainConfig
 ) -> None:
-    """Over 200 flights with K drawn from the prior: innovations and final errors are as large as the filter says."""
+    """Over 200 flights with K drawn from the prior: innovations and final errors have the predicted variances."""
     nis_sum, nees_sum, nis_count, nees_x = 0.0, 0.0, 0, 0.0
     for _ in range(RUNS):
         K = rng.normal(config.prior_effectiveness, np.sqrt(config.prior_effectiveness_var))
@@ -65,11 +65,9 @@ def test_nis_and_nees_are_chi_square_when_the_model_is_true(
         assert chi2.ppf(TAIL, 3 * RUNS) < nees_x < chi2.ppf(1 - TAIL, 3 * RUNS), (nees_x, 3 * RUNS)
 
 
-def test_innovations_are_white_with_the_sigma_that_the_filter_says(
-    rng: np.random.Generator, design: ShortPeriod
-) -> None:
-    """Where the model is true; 60 flights of 90 ticks, each reading's innovations over their sigma."""
-    told = []
+def test_innovations_are_white_with_the_predicted_sigma(rng: np.random.Generator, design: ShortPeriod) -> None:
+    """With a true model; 60 flights of 90 ticks, each reading's innovations over their sigma."""
+    ratios = []
     for _ in range(60):
         K = rng.normal(EXPANDING.prior_effectiveness, np.sqrt(EXPANDING.prior_effectiveness_var))
         samples, _ = fly_linear(design, config=EXPANDING, effectiveness=K, seed=int(rng.integers(2**31)), ticks=91)
@@ -79,8 +77,8 @@ def test_innovations_are_white_with_the_sigma_that_the_filter_says(
             for e in estimates
         ]
         assert of[0] == (0.0, 0.0, 0.0, 0.0)
-        told.append([[alpha / alpha_std, q / q_std] for alpha, q, alpha_std, q_std in of[1:]])
-    over = np.array(told)  # flights, ticks, readings
+        ratios.append([[alpha / alpha_std, q / q_std] for alpha, q, alpha_std, q_std in of[1:]])
+    over = np.array(ratios)  # flights, ticks, readings
     n = over[..., 0].size
     for reading in range(2):
         assert chi2.ppf(TAIL, n) < np.sum(over[..., reading] ** 2) < chi2.ppf(1 - TAIL, n)
@@ -147,7 +145,7 @@ def _measurements(rng: np.random.Generator, design: ShortPeriod, ticks: int) -> 
 def test_window_equals_refiltering_the_last_30_samples(
     rng: np.random.Generator, design: ShortPeriod, prior: str, input_at: str
 ) -> None:
-    """At every tick the bank gives what one filter gives that is started 30 samples ago."""
+    """At every tick the bank agrees with a single filter started 30 samples ago."""
     config = LoopGainConfig(
         window=30, prior_state=prior, input_at=input_at, prior_alpha_rad=-0.025, prior_q_rad_s=-0.042, prior_alpha_var=3e-5,
         prior_q_var=3e-4, prior_effectiveness=0.8, prior_effectiveness_var=0.4, q_disturbance_rad_s2=0.1,
@@ -187,7 +185,7 @@ def test_window_equals_refiltering_the_last_30_samples(
         assert estimates[k].q_rad_s == pytest.approx(x[1], abs=1e-12)
 
 
-def test_fading_memory_forgets_as_fast_as_it_says(rng: np.random.Generator, design: ShortPeriod) -> None:
+def test_fading_memory_forgets_at_its_nominal_rate(rng: np.random.Generator, design: ShortPeriod) -> None:
     """K drops in flight: fading memory follows, the expanding one lags; lambda = 1 is the expanding one exactly."""
 
     def final(config: LoopGainConfig) -> tuple[float, float]:
@@ -215,7 +213,7 @@ def test_deviation_form_is_right_on_the_plant_of_the_thesis(design: ShortPeriod)
 
 
 def test_bounds_come_before_smoothing(design: ShortPeriod) -> None:
-    """Sillence S 5.5: the bounded estimate is what eq (85) smooths; smoothing starts at 1."""
+    """Sillence S 5.5: eq (85) smooths the bounded estimate; smoothing starts at 1."""
     config = LoopGainConfig(window=5, smoothing=0.7, bounds=(0.45, 0.55))
     samples, _ = fly_linear(design, config=config, effectiveness=0.5, seed=3, ticks=200)
     smoothed = 1.0
@@ -254,13 +252,13 @@ def test_the_tick_gives_the_same_compiled_and_plain(rng: np.random.Generator, fi
 
 
 def test_defaults_of_class_and_scenario_are_one() -> None:
-    """Field by field, in SI: the Python class and a scenario that says nothing give the same filter."""
+    """Field by field, in SI: the Python class and a scenario without settings give the same filter."""
     settings = EstimatorSettings.model_validate({"name": "x", "model": "short-period"})
     assert loop_gain_config(settings) == LoopGainConfig()
 
 
 def test_every_setting_of_a_scenario_reaches_the_filter() -> None:
-    """None of them is its default, so that one that is left behind shows."""
+    """No value is a default, so a setting that is not passed on fails the test."""
     settings = EstimatorSettings(
         name="x", model="scheduled", input="deviation", input_at="end", memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2),
         alpha_disturbance_deg_s=0.3, q_disturbance_deg_s2=4.0, alarm_threshold=12.0, follow_disturbances=True, hold_std=0.2,
@@ -282,7 +280,7 @@ def test_every_setting_of_a_scenario_reaches_the_filter() -> None:
     ("state", "first_reading", "begin"),
     [("measurement", "left-out", "measurement"), ("fixed", "left-out", "fixed"), ("fixed", "used", "corrected")],
 )
-def test_how_a_filter_begins_is_what_the_prior_says(
+def test_the_prior_selects_the_start_of_a_filter(
     state: Literal["measurement", "fixed"], first_reading: Literal["left-out", "used"], begin: str
 ) -> None:
     prior = Prior(state=state, first_reading=first_reading)
@@ -291,7 +289,7 @@ def test_how_a_filter_begins_is_what_the_prior_says(
 
 
 @pytest.mark.parametrize("input_at", ["mean", "start", "end"])
-def test_what_u_is_is_what_the_scenario_says(input_at: Literal["mean", "start", "end"]) -> None:
+def test_the_scenario_selects_the_input(input_at: Literal["mean", "start", "end"]) -> None:
     settings = EstimatorSettings(name="x", model="short-period", input_at=input_at)
     assert loop_gain_config(settings) == LoopGainConfig(input_at=input_at)
 

@@ -1,4 +1,4 @@
-"""PLID against the thesis's theorem, filterpy, the equations written out, the Riccati equation, and itself uncompiled."""
+"""PLID against the theorem of the thesis, filterpy, its equations in full matrices, the Riccati equation, and its uncompiled kernel."""
 
 from __future__ import annotations
 
@@ -20,8 +20,13 @@ from flightbed.studies.kemp.trials import full_rank_at, random_plant
 FORMS = pytest.mark.parametrize("form", [CONVENTIONAL, udu.FACTORED], ids=["plain", "factored"])
 
 
+def _extended(identifier: Plid) -> np.ndarray:
+    """Extended state (x, a, b[, b_n])."""
+    return np.concatenate([identifier.state, identifier.parameters])
+
+
 def _response(theta: np.ndarray, u: np.ndarray, feed: float = 0.0) -> np.ndarray:
-    """y of eq (2.8), from rest, by itself."""
+    """y of eq (2.8), from rest, computed independently."""
     n = len(theta) // 2
     y = np.zeros(len(u))
     for k in range(len(u)):
@@ -67,9 +72,9 @@ def _condition(n: int, record: Record, k: int) -> float:
 @pytest.mark.parametrize("idle", [0, 1, 3, 7])
 @pytest.mark.parametrize("order", [2, 3, 4, 5])
 def test_deadbeat_comes_when_the_extended_state_is_observable_and_no_sooner(order: int, idle: int) -> None:
-    """An input that begins late delays it by what can be told beforehand: idle samples tell of the n states only.
+    """An input that starts late delays it by a predictable number of samples: idle samples determine the n states only.
 
-    How exact it is then depends on the draw, by the condition of what was observed.
+    Its precision then depends on the draw, through the condition of the observed data.
     """
     exact = 0
     for seed in range(20):
@@ -144,12 +149,12 @@ def test_every_way_of_tracking_is_its_equation(tracking: Tracking, feedthrough: 
     identifier, found = Plid(config, form), []
     for k in range(80):
         identifier.update(float(record.y[k]), float(record.u[k - 1]) if k else 0.0, float(record.u[k]))
-        found.append(identifier.extended_state)
+        found.append(_extended(identifier))
     wanted, P = _written_out(config, record)
     assert np.array(found) == pytest.approx(wanted, abs=1e-8)
     assert identifier.covariance == pytest.approx(P, abs=1e-8)
     plain, _ = _written_out(PlidConfig(3, feedthrough, 0.01, 0.02, prior_var=20.0), record)
-    assert (np.max(np.abs(wanted - plain)) > 1e-4) == (tracking != Tracking())  # each of them does something
+    assert (np.max(np.abs(wanted - plain)) > 1e-4) == (tracking != Tracking())  # each has an effect
 
 
 @FORMS
@@ -169,7 +174,7 @@ def test_it_is_the_kalman_filter_of_filterpy(form: Form) -> None:
         assert identifier.innovation == pytest.approx(float(theirs.y[0, 0]), abs=1e-9)
         assert identifier.innovation_var == pytest.approx(float(theirs.S[0, 0]), rel=1e-9)
         assert identifier.gain == pytest.approx(theirs.K[:, 0], abs=1e-9)
-    assert identifier.extended_state == pytest.approx(theirs.x[:, 0], abs=1e-8)
+    assert _extended(identifier) == pytest.approx(theirs.x[:, 0], abs=1e-8)
     assert identifier.covariance == pytest.approx(theirs.P, abs=1e-9)
 
 
@@ -179,7 +184,7 @@ def test_with_known_parameters_it_is_the_state_filter_of_the_riccati_equation(fo
     theta, q, r = plants.parameters("C"), 0.02, 0.01
     A, c = np.eye(3, k=-1), np.array([0.0, 0.0, 1.0])
     A[:, 2] += theta[:3]
-    # y in F holds its own noise, which PLID does not know: what it runs is the filter for J, with a y as an input.
+    # PLID does not model the noise of y in F: it runs the filter for J, with a y as an input.
     predicted = solve_discrete_are(np.eye(3, k=-1).T, c[:, None], q * np.eye(3), np.array([[r]]))
     config = PlidConfig(
         3, process_var=q, output_var=r, prior=(0.0,) * 3 + tuple(theta), prior_var=(200.0,) * 3 + (0.0,) * 6
@@ -205,8 +210,8 @@ def test_single_precision_is_single_throughout() -> None:
         )
         difference = np.max(np.abs(estimates(single, record) - estimates(double, record)))
         assert 1e-8 < difference < 1e-2
-        assert np.all(single.extended_state == single.extended_state.astype(np.float32))
-        assert not np.all(double.extended_state == double.extended_state.astype(np.float32))
+        assert np.all(_extended(single) == _extended(single).astype(np.float32))
+        assert not np.all(_extended(double) == _extended(double).astype(np.float32))
 
 
 @pytest.mark.parametrize("kernel", [plid.step, udu.step], ids=["plain", "factored"])
@@ -219,8 +224,10 @@ def test_compiled_and_plain_agree(kernel: Any) -> None:
         s, P, gain = np.zeros(10), 20.0 * np.eye(10), np.zeros(10)
         for k in range(30):
             before = (record.y[k - 1], record.u[k - 1]) if k else (0.0, 0.0)
-            told = function(s, P, gain, settings, *map(float, before), float(record.y[k]), float(record.u[k]), k == 0)
-        results.append((s, P, gain, told))
+            returned = function(
+                s, P, gain, settings, *map(float, before), float(record.y[k]), float(record.u[k]), k == 0
+            )
+        results.append((s, P, gain, returned))
     for ours, theirs in zip(*results, strict=True):
         assert ours == pytest.approx(theirs, rel=1e-12, abs=1e-13)
 

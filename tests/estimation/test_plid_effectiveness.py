@@ -1,4 +1,4 @@
-"""K read out of what PLID identifies: the projection, the transfer function, and flights of the exact linear aircraft."""
+"""K from the model that PLID identifies: projection, transfer function, and flights of the exact linear aircraft."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flightbed.estimation.plid_effectiveness import (
     PlidEffectiveness,
     PlidEffectivenessConfig,
     band_pass,
-    projected,
+    project,
     transfer_function,
 )
 from flightbed.estimation.udu import FACTORED
@@ -37,16 +37,16 @@ def test_the_projection_is_generalized_least_squares(rng: np.random.Generator) -
         S, h, b = root @ root.T + 0.01 * np.eye(2), rng.standard_normal(2), rng.standard_normal(2)
         white = np.linalg.inv(np.linalg.cholesky(S))
         (expected,), *_ = np.linalg.lstsq((white @ h)[:, None], white @ b, rcond=None)
-        found, std = projected(b, h, S)
+        found, std = project(b, h, S)
         assert found == pytest.approx(expected, rel=1e-9)
         assert std == pytest.approx(1.0 / np.linalg.norm(white @ h), rel=1e-9)
-        assert projected(0.3 * h, h, S)[0] == pytest.approx(0.3, rel=1e-9)
+        assert project(0.3 * h, h, S)[0] == pytest.approx(0.3, rel=1e-9)
 
 
 def test_an_indefinite_covariance_weighs_nothing() -> None:
     h, S = np.array([1.0, 2.0]), np.array([[1.0, 2.0], [2.0, 1.0]])
-    assert projected(0.4 * h, h, S) == pytest.approx((0.4, np.sqrt(h @ S @ h) / 5.0))
-    assert projected(0.4 * h, h, -np.eye(2))[1] == 0.0
+    assert project(0.4 * h, h, S) == pytest.approx((0.4, np.sqrt(h @ S @ h) / 5.0))
+    assert project(0.4 * h, h, -np.eye(2))[1] == 0.0
 
 
 def test_the_transfer_function_is_scipy_s(design: ShortPeriod) -> None:

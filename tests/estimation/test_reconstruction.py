@@ -1,4 +1,4 @@
-"""The elevator's acting deflection on the aircraft: how near it comes, K from it, and what no K explains."""
+"""The elevator's acting deflection on the aircraft: accuracy, K from it, and deviations that no K explains."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flightbed.consistency import idle_keys
 from flightbed.errors import ScenarioError
 from flightbed.estimation.actuator import ActuatorOnBoard
 from flightbed.estimation.base import OnBoard
-from flightbed.estimation.following_kernels import ACTUATOR, BESIDE, STAGGERED
+from flightbed.estimation.following_kernels import ACTUATOR, OFFSET, STAGGERED
 from flightbed.estimation.reconstruction import ElevatorReconstruction, ReconstructionConfig
 from flightbed.estimation.reconstruction_methods import WalkSettings
 from flightbed.fused import rows_of
@@ -40,12 +40,12 @@ def _flown(name: str, *settings: str) -> Trace:
 
 
 def _error(trace: Trace, name: str) -> np.ndarray:
-    """Reconstructed less what acted, on the mean of the period that ended at a tick; deg."""
+    """Reconstructed minus acting deflection, mean of the period that ended at a tick, deg."""
     return np.asarray(trace[f"{name}.reconstructed_deg"] - trace["elevator_acting_deg"])
 
 
 def _first(trace: Trace, name: str) -> tuple[float, float]:
-    """Time of the first verdict, s (infinite without one), and what it says."""
+    """Time of the first verdict, s (infinite without one), and its value."""
     raised = np.flatnonzero(trace[f"{name}.verdict"] > 0.0)
     return (
         (float(trace["t_s"][raised[0]]), float(trace[f"{name}.verdict"][raised[0]])) if raised.size else (np.inf, 0.0)
@@ -59,7 +59,7 @@ def test_the_deflection_that_acts_is_found_and_k_with_it(seed: int) -> None:
     truth, scheduled = trace["effectiveness_true"], trace["scheduled.effectiveness"]
     for name, rms_deg in zip(NAMES, (0.35, 0.26), strict=True):
         error = _error(trace, name)[100:]
-        assert np.sqrt(np.mean(error**2)) < rms_deg  # what acts moves by 1.3 deg RMS
+        assert np.sqrt(np.mean(error**2)) < rms_deg  # the acting deflection moves by 1.3 deg RMS
         assert np.all(np.abs(trace[f"{name}.reconstructed_deg"]) < 30.0)
         off = np.median(np.abs(trace[f"{name}.effectiveness"] - truth)[late])
         assert off < 0.006
@@ -80,14 +80,14 @@ def _new(scenario: Scenario, name: str) -> ElevatorReconstruction:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_neither_position_nor_command_nor_k_enter_the_reconstruction(name: str) -> None:
-    """Fed readings whose elevator stands still, it says the same to the last bit; K then is another one."""
+    """With a constant elevator reading, the reconstruction is bit-identical; K differs."""
     scenario = load_scenario("elevator-loss", [*BOTH, "duration_s=6"])
-    told, silent = _new(scenario, name), _new(scenario, name)
+    estimator, blind = _new(scenario, name), _new(scenario, name)
     last = []
     for measurement, command in _readings(scenario):
         hidden = measurement._replace(elevator_rad=0.05, elevator_mean_rad=0.05)
-        one, other = told.update(measurement), silent.update(hidden)
-        told.commanded(command)  # type: ignore[attr-defined]
+        one, other = estimator.update(measurement), blind.update(hidden)
+        estimator.commanded(command)  # type: ignore[attr-defined]
         assert one.reconstructed_rad == other.reconstructed_rad
         last = [one, other]
     assert abs(last[0].effectiveness_raw - last[1].effectiveness_raw) > 0.1
@@ -98,24 +98,24 @@ def test_neither_position_nor_command_nor_k_enter_the_reconstruction(name: str) 
     ("scenario", "verdict", "within_s", "error_deg"),
     [
         ("elevator-stuck", ACTUATOR, (1.5, 1.5), (0.4, 0.2)),
-        ("elevator-floating", BESIDE, (1.5, 0.6), (1.5, 1.0)),  # on its way out, at 90 deg/s
-        ("elevator-bias", BESIDE, (2.5, 2.5), (0.5, 0.4)),
+        ("elevator-floating", OFFSET, (1.5, 0.6), (1.5, 1.0)),  # while floating out at 90 deg/s
+        ("elevator-bias", OFFSET, (2.5, 2.5), (0.5, 0.4)),
     ],
 )
-def test_what_no_k_explains_is_recognised(
+def test_a_deviation_that_no_k_explains_is_recognised(
     scenario: str, verdict: float, within_s: tuple[float, float], error_deg: tuple[float, float], name: str
 ) -> None:
     trace = _flown(scenario)
-    at_s, said = _first(trace, name)
+    at_s, offset_signs = _first(trace, name)
     assert 5.2 < at_s <= 5.2 + within_s[NAMES.index(name)]
-    assert said == verdict
+    assert offset_signs == verdict
     after = trace["t_s"] > at_s
     allowed, acts = error_deg[NAMES.index(name)], trace["elevator_acting_deg"]
     assert np.sqrt(np.mean(_error(trace, name)[after] ** 2)) < allowed
-    assert np.sqrt(np.mean((acts - acts[100])[after] ** 2)) > allowed  # of who says all the time what acted at 1 s
+    assert np.sqrt(np.mean((acts - acts[100])[after] ** 2)) > allowed  # error of a constant reconstruction from 1 s
     if scenario == "elevator-bias":
         assert trace[f"{name}.offset_deg"][-1] == pytest.approx(1.0, abs=0.5)
-        # What the filter of K alone makes of it is half the effectiveness; with the offset K is what it is.
+        # A filter of K alone estimates half the effectiveness; with the offset K is correct.
         assert trace["scheduled.effectiveness"][-1] < 0.7
         assert trace[f"{name}.effectiveness"][-1] > 0.9
 
@@ -123,9 +123,9 @@ def test_what_no_k_explains_is_recognised(
 @pytest.mark.parametrize("name", NAMES)
 def test_a_hardover_is_recognised_before_the_aircraft_is_lost(name: str) -> None:
     trace = _flown("elevator-hardover", "duration_s=7")
-    at_s, said = _first(trace, name)
+    at_s, offset_signs = _first(trace, name)
     assert 5.2 < at_s < trace["t_s"][-1] < 6.2
-    assert said == ACTUATOR
+    assert offset_signs == ACTUATOR
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_nothing_is_declared_where_k_explains_all(settings: list[str]) -> None:
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("command", "least"), [("doublet", 0.14), ("none", 0.5)])
 def test_in_a_closed_loop_the_threshold_alone_does_not_hold(name: str, command: str, least: float) -> None:
-    """Of 550 windows a tenth should be beyond it on each side; the law answers to the noise, and o is biased. Hence the tolerance."""
+    """A tenth of 550 windows should exceed it on each side; the law responds to the noise, and o is biased. Hence the tolerance."""
     loose = [
         f"estimators.{i}.{key}"
         for i in (1, 2)
@@ -167,20 +167,20 @@ def test_in_a_closed_loop_the_threshold_alone_does_not_hold(name: str, command: 
             estimator.update(measurement)
             closed = estimator._memory.ages[1 : 1 + STAGGERED] == 0.0
             windows += int(closed.sum())
-            above += int(np.sum(estimator._memory.said[1 : 1 + STAGGERED][closed] > 0.0))
+            above += int(np.sum(estimator._memory.offset_signs[1 : 1 + STAGGERED][closed] > 0.0))
     assert windows == 550
     assert above > least * windows
 
 
 @pytest.mark.parametrize("delay_ticks", [0, 2])
 def test_the_actuator_on_board_is_the_limit_of_the_aircrafts(delay_ticks: int) -> None:
-    """JSBSim's goes on by whole plant steps: twice the rate, half the difference of the mean position over a period."""
+    """JSBSim's actuator advances by whole plant steps: twice the rate, half the difference of the mean position over a period."""
     off_deg = []
     for plant_hz in (100, 200, 400):
         settings = ["failures=[]", f"rates.plant_hz={plant_hz}", f"rates.delay_ticks={delay_ticks}", "duration_s=8"]
         planned = plan(load_scenario("elevator-loss", settings))
         actuator, apart = ActuatorOnBoard(planned.aircraft.actuator, 100, delay_ticks), []
-        assert np.isnan(actuator.mean())  # before anybody told it anything
+        assert np.isnan(actuator.mean())  # before the first command
         for sample in fly(assemble(planned)):
             apart.append((actuator.mean() - sample.truth.elevator_mean_rad) / DEG)
             actuator.commanded(sample.elevator_cmd_rad)
@@ -191,7 +191,7 @@ def test_the_actuator_on_board_is_the_limit_of_the_aircrafts(delay_ticks: int) -
 
 
 def test_the_actuator_on_board_turns_round_where_the_aircrafts_does() -> None:
-    """After a loss to 0.1 the law asks for ten times the elevator, at its rate limit and to and fro."""
+    """After a loss to 0.1 the law commands ten times the elevator, oscillating at the rate limit."""
     planned = plan(load_scenario("marginal-authority", ["adaptation.oracle=true"]))
     actuator, apart, rates, last = ActuatorOnBoard(planned.aircraft.actuator, 100, 0), [], [], 0.0
     for sample in fly(assemble(planned)):
@@ -264,7 +264,7 @@ def test_it_flies_where_aileron_and_rudder_are_commanded(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_readings_that_jump_put_it_to_the_readings(name: str) -> None:
-    """A spike of a thousand deg/s: it begins anew and is right again within a second."""
+    """After a spike of 1000 deg/s the estimator restarts and is accurate again within a second."""
     scenario = load_scenario("elevator-loss", [*BOTH, "failures=[]", "duration_s=4"])
     estimator, errors = _new(scenario, name), []
     for k, (measurement, _) in enumerate(_readings(scenario)):
@@ -277,19 +277,19 @@ def test_readings_that_jump_put_it_to_the_readings(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("field", ["alpha_rad", "elevator_mean_rad", "mach"])
-def test_of_readings_that_are_no_numbers_nothing_is_told_and_then_it_is_right_again(name: str, field: str) -> None:
+def test_readings_that_are_not_finite_give_nan_and_the_estimate_recovers(name: str, field: str) -> None:
     scenario = load_scenario("elevator-loss", [*BOTH, "failures=[]", "duration_s=4"])
-    estimator, errors, told = _new(scenario, name), [], []
+    estimator, errors, estimates = _new(scenario, name), [], []
     for k, (measurement, _) in enumerate(_readings(scenario)):
-        told.append(estimator.update(measurement._replace(**{field: np.nan}) if 200 <= k < 205 else measurement))
-        errors.append((told[-1].reconstructed_rad - measurement.elevator_mean_rad) / DEG)
-    assert all(np.isnan(found.effectiveness_smoothed) for found in told[200:205])
-    assert np.all(np.isfinite(told[205:]))
-    assert told[205].effectiveness == pytest.approx(told[199].effectiveness, abs=0.05)  # K is not forgotten
+        estimates.append(estimator.update(measurement._replace(**{field: np.nan}) if 200 <= k < 205 else measurement))
+        errors.append((estimates[-1].reconstructed_rad - measurement.elevator_mean_rad) / DEG)
+    assert all(np.isnan(found.effectiveness_smoothed) for found in estimates[200:205])
+    assert np.all(np.isfinite(estimates[205:]))
+    assert estimates[205].effectiveness == pytest.approx(estimates[199].effectiveness, abs=0.05)  # K is not forgotten
     assert np.sqrt(np.mean(np.square(errors[320:]))) < 0.5
 
 
-def test_without_a_schedule_on_board_it_says_so() -> None:
+def test_a_missing_schedule_is_an_error() -> None:
     planned = plan(load_scenario("nominal", ["estimators=[]", "adaptation.enabled=false"]))
     assert planned.schedule is None
     onboard = registry.factory("estimators", "input-kalman")
@@ -301,7 +301,7 @@ def test_without_a_schedule_on_board_it_says_so() -> None:
     found = ElevatorReconstruction(config, board).update(Measurement(0.01, 0.0, -0.02, -0.02))
     assert np.isfinite(found.reconstructed_rad)
     quiet = ElevatorReconstruction(config, replace(board, actuator=None))
-    quiet.commanded(0.1)  # nobody to tell
+    quiet.commanded(0.1)  # no actuator on board
 
 
 ONE = 'estimators.0={name="one", kind="retrospective-cost"}'
@@ -356,10 +356,15 @@ def test_every_key_of_the_method_does_something() -> None:
 
     def final(table: str, *more: str) -> tuple[float, ...]:
         scenario = load_scenario("elevator-loss", ["adaptation.enabled=false", table, *more])
-        estimator, said = assemble(plan(scenario)).estimators[0], []
+        estimator, offset_signs = assemble(plan(scenario)).estimators[0], []
         for measurement, _ in readings:
-            said.append(estimator.update(measurement))
-        return (*said[-1][:4], said[300].reconstructed_rad, said[-1].offset_rad, sum(e.verdict for e in said))
+            offset_signs.append(estimator.update(measurement))
+        return (
+            *offset_signs[-1][:4],
+            offset_signs[300].reconstructed_rad,
+            offset_signs[-1].offset_rad,
+            sum(e.verdict for e in offset_signs),
+        )
 
     for table, sets in {
         ONE: ("order=2", "horizon=3", "regularization=3", "initial_covariance=0.1", "input_forgetting=0.99", "saturation_deg=2", "window=60",

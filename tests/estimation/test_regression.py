@@ -33,7 +33,7 @@ def test_it_is_the_covariance_of_samples(rng: np.random.Generator) -> None:
     assert np.max(np.abs(sample - R)) < 5.0 * np.sqrt(2.0 / runs) * R[0, 0]
 
 
-def test_the_weighted_estimate_has_the_least_variance_and_tells_it(rng: np.random.Generator) -> None:
+def test_the_weighted_estimate_has_the_least_variance_and_predicts_it(rng: np.random.Generator) -> None:
     """y+ = a y + b u, outputs known, noise as in S 2.4: the weighted estimate beats the plain one, with the variance it claims."""
     N, runs, b = 60, 400, np.array([0.5, -1.0])
     H = np.column_stack([np.ones(N), np.sin(0.3 * np.arange(N))])

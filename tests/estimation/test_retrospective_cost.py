@@ -1,4 +1,4 @@
-"""Retrospective cost: its algebra against independent minimizers, its recursion against the batch, its reconstruction against the truth."""
+"""Retrospective cost: algebra against independent minimizers, recursion against the batch solution, reconstruction against the truth."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_the_recursion_is_weighted_least_squares_over_all_samples(rng: np.random
     np.testing.assert_allclose(found[-1].input, estimator.gains @ phi, rtol=1e-9)  # (35), of theta(k)
 
 
-def test_the_optimum_is_what_a_replay_of_the_past_would_have_given(rng: np.random.Generator) -> None:
+def test_the_optimum_is_that_of_a_replay_of_the_past(rng: np.random.Generator) -> None:
     """With the optimized inputs in place of those applied the model would have had the retrospective performance Z^ = 0."""
     model = random_model(rng, 3, 1, 1)
     config = RetrospectiveConfig(2, 1.0, (0, 1), ((1,), (1,)))  # u(k-1) and u(k-2) from z(k) and z(k-1)
@@ -176,7 +176,7 @@ def test_the_known_input_is_taken_out(rng: np.random.Generator) -> None:
         x, moved = model.A @ x + model.B @ u, model.A @ moved + model.G @ v
 
 
-def test_what_scales_with_the_signals(rng: np.random.Generator) -> None:
+def test_the_method_scales_with_the_signals(rng: np.random.Generator) -> None:
     """Inputs and outputs s times as large with P(0) s^-2 times as large: everything is s times as large (eta constant)."""
     model = oscillator(3.0, 2.0, 0.1)
     small = RetrospectiveCost(RetrospectiveConfig(2, 1.0, regularization=1e-5), model)
@@ -200,7 +200,7 @@ def test_saturation_bounds_the_optimum_and_no_adaptation_keeps_the_gains(rng: np
 
 
 @pytest.mark.parametrize(("rule", "expected"), [("constant", 0.2), ("performance", 0.2 * 9.0), ("error", 0.2 * 4.0)])
-def test_what_the_regularization_follows(rule: str, expected: float) -> None:
+def test_the_rules_of_the_regularization(rule: str, expected: float) -> None:
     number = {"constant": kernels.CONSTANT, "performance": kernels.PERFORMANCE, "error": kernels.ERROR}[rule]
     assert kernels.regularization(number, 0.2, np.array([3.0]), 4.0) == pytest.approx(expected)
 
@@ -222,7 +222,7 @@ def test_the_bound_keeps_the_covariance_from_overflow() -> None:
     config = RetrospectiveConfig(4, forgetting=0.5)
     bounded = RetrospectiveCost(replace(config, covariance_bound=1e6), model)
     free = RetrospectiveCost(config, model)
-    with np.errstate(all="ignore"):  # what overflows says so where the kernels run plain
+    with np.errstate(all="ignore"):  # overflows warn if the kernels run plain
         for _ in range(1200):
             bounded.update(np.zeros(1))
             free.update(np.zeros(1))

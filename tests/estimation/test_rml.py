@@ -40,7 +40,7 @@ def test_without_c_it_is_least_squares_over_the_whole_record(forgetting: float) 
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_it_finds_what_a_batch_prediction_error_fit_finds(seed: int) -> None:
+def test_it_agrees_with_a_batch_prediction_error_fit(seed: int) -> None:
     """A long record of a second-order ARMAX model, fitted by scipy to the same one-step errors: apart by a part of its deviation.
 
     From a cautious prior: from 200 the first samples throw the estimate so far off that 20,000 do not wash it out to this accuracy.
@@ -61,13 +61,13 @@ def test_it_finds_what_a_batch_prediction_error_fit_finds(seed: int) -> None:
     ours = np.concatenate([found.parameters, found.noise_parameters])
     assert np.all(np.abs(ours - batch) < 0.3 * deviation[order])
     assert np.all(np.abs(batch - [-0.7, 1.5, 0.5, 1.0, 0.6, 0.2]) < 4.0 * deviation[order])
-    # What it says of its own accuracy is the batch fit's, in units of the errors' variance.
+    # Its covariance agrees with that of the batch fit, in units of the errors' variance.
     own = np.sqrt(np.diag(found.covariance) * 0.5**2)
     assert own == pytest.approx(deviation, rel=0.1)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 5])
-def test_stability_is_told_as_by_the_roots(order: int, rng: np.random.Generator) -> None:
+def test_the_stability_test_agrees_with_the_roots(order: int, rng: np.random.Generator) -> None:
     sides = set()
     for _ in range(300):
         c = rng.uniform(-1.0, 1.0, order) * rng.uniform(0.2, 2.5)
@@ -126,8 +126,8 @@ def test_compiled_and_plain_agree() -> None:
         theta, P, x, phi = np.zeros(9), np.diag([200.0] * 6 + [10.0] * 3), np.zeros(9), np.zeros(9)
         for k in range(1, 40):
             y, u = float(record.y[k - 1]), float(record.u[k - 1])
-            told = function(theta, P, x, phi, 0.99, 1.0, 0.1 * k, y, u, float(record.y[k]))
-        results.append((theta, P, x, phi, told))
+            returned = function(theta, P, x, phi, 0.99, 1.0, 0.1 * k, y, u, float(record.y[k]))
+        results.append((theta, P, x, phi, returned))
     for ours, theirs in zip(*results, strict=True):
         assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-11)
 
@@ -146,7 +146,7 @@ def test_settings_that_make_no_sense_are_refused(settings: dict[str, Any], messa
         RmlConfig(**settings)
 
 
-def test_an_estimate_that_overflowed_is_no_number_and_says_so() -> None:
+def test_an_overflowed_estimate_is_not_finite() -> None:
     identifier = Rml(RmlConfig(3))
     found = estimates(identifier, plants.record("B", 0.0, 0.01, 1800, 0))
     assert np.all(np.isfinite(found[:60]))

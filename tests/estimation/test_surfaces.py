@@ -1,4 +1,4 @@
-"""The two-stage filter on the aircraft: its model against JSBSim, its kernel against the filter it is made of, losses told apart in flight."""
+"""The two-stage filter on the aircraft: model against JSBSim, kernel against the general filter, identification of losses in flight."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ def test_the_model_is_the_equations_of_motion(rolling: Plan, rng: np.random.Gene
             schedule, tables, work, 1.0, dt, u[0], alpha, q, airframe.mach, airframe.altitude_m, theta, phi, beta, p, r
         )
         x = np.array([alpha, q, beta, p, r])
-        told = (work[:5, :5] @ x + work[:5, 5:8] @ u + work[:5, 8] - x) / dt
-        largest = np.maximum(largest, np.abs(told - [rates.alpha, rates.q, rates.beta, rates.p, rates.r]))
-    # Of rates of up to 0.1 rad/s and accelerations of up to 3 rad/s^2; what is left: beta bends the tables, and half a step.
+        predicted = (work[:5, :5] @ x + work[:5, 5:8] @ u + work[:5, 8] - x) / dt
+        largest = np.maximum(largest, np.abs(predicted - [rates.alpha, rates.q, rates.beta, rates.p, rates.r]))
+    # Of rates up to 0.1 rad/s and accelerations up to 3 rad/s^2; the residual is due to beta in the tables and half a step.
     assert np.all(largest < [4e-3, 2e-2, 3e-3, 3e-2, 1e-2]), largest
 
 
@@ -107,14 +107,14 @@ def test_the_kernel_is_the_filter_and_its_test(forgetting: Forgetting, rng: np.r
         left = np.array([1.0, 1.0, 1.0 if k < 100 else 0.5])
         x = A @ x + B @ (left * u) + c
         y = x + noise * rng.standard_normal(n)
-        told = ours.take(y, A, B, c, u, 0.1)
+        estimates = ours.take(y, A, B, c, u, 0.1)
         found = theirs.step(A, B, np.eye(n), u, y, c)
         tested = test.update(found.gamma, found.gamma_covariance)
-        np.testing.assert_allclose([e.effectiveness_raw for e in told], found.effectiveness, rtol=0, atol=1e-10)
+        np.testing.assert_allclose([e.effectiveness_raw for e in estimates], found.effectiveness, rtol=0, atol=1e-10)
         variances = np.diag(found.gamma_covariance)
-        np.testing.assert_allclose([e.effectiveness_std**2 for e in told], variances, rtol=1e-8)
-        assert told[0].alpha_rad == pytest.approx(found.state[0] + 0.1, abs=1e-10)
-        assert told[0].nis == pytest.approx(found.nis, rel=1e-6, abs=1e-9)
+        np.testing.assert_allclose([e.effectiveness_std**2 for e in estimates], variances, rtol=1e-8)
+        assert estimates[0].alpha_rad == pytest.approx(found.state[0] + 0.1, abs=1e-10)
+        assert estimates[0].nis == pytest.approx(found.nis, rel=1e-6, abs=1e-9)
         assert [bool(v) for v in ours._state.raised] == tested.raised.tolist()
         raised += int(tested.raised[2])
     assert raised > 50
@@ -152,7 +152,7 @@ def test_two_losses_at_different_times_are_both_found() -> None:
     alarms = _first_alarms(trace)
     assert 5.0 < alarms["elevator"] < 5.2
     assert 9.0 < alarms["aileron"] < 9.3
-    assert alarms["rudder"] > alarms["aileron"]  # its estimate moves, too, until the two are told apart
+    assert alarms["rudder"] > alarms["aileron"]  # the rudder's estimate also moves until the two are distinguished
     assert trace["two-stage.effectiveness"][-1] == pytest.approx(0.3, abs=0.03)
     assert trace["two-stage.aileron.effectiveness"][-1] == pytest.approx(0.5, abs=0.03)
 
@@ -203,10 +203,10 @@ def flight_noise() -> object:
 
 
 def test_corrected_surfaces_act_as_healthy_ones_do() -> None:
-    """With K told by the oracle a weak aileron is commanded 1/K as far, and the aircraft rolls as if nothing had happened."""
-    told = ["adaptation.oracle=true", "estimators=[]", "duration_s=5.5"]
+    """With K from the oracle the command of a weak aileron is multiplied by 1/K, and the aircraft rolls as the healthy one."""
+    settings = ["adaptation.oracle=true", "estimators=[]", "duration_s=5.5"]
     healthy, lost = (
-        list(fly(_with("aileron-loss", [f"failures=[{failure}]", *told])))
+        list(fly(_with("aileron-loss", [f"failures=[{failure}]", *settings])))
         for failure in ("", '{surface="aileron", at_s=3, to=0.5}')
     )
     apart = [

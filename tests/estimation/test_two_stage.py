@@ -74,13 +74,13 @@ def _compare(rng: np.random.Generator, config: TwoStageConfig, *, equivalent: bo
         u, y, c = rng.standard_normal(inputs), rng.standard_normal(m), 0.1 * rng.standard_normal(n)
         P = ours.estimate.gamma_covariance
         more = forget(P, config.forgetting.packed()) - P if equivalent else 0.0
-        told = ours.step(A, B, C, u, y, c)
+        estimate = ours.step(A, B, C, u, y, c)
         theirs.step(A, B, C, u, y, c, config.Q_gamma + more)
         f = theirs.filter
         pairs: list[tuple[Any, Any]] = [
-            (told.state, f.x[:n]), (told.gamma, f.x[n:]), (told.state_covariance, f.P[:n, :n]), (told.gamma_covariance, f.P[n:, n:]),
-            (told.innovation, f.y), (told.innovation_covariance, f.S), (told.nis, f.y @ np.linalg.solve(f.S, f.y)),
-            (told.effectiveness, 1.0 + f.x[n:]),
+            (estimate.state, f.x[:n]), (estimate.gamma, f.x[n:]), (estimate.state_covariance, f.P[:n, :n]), (estimate.gamma_covariance, f.P[n:, n:]),
+            (estimate.innovation, f.y), (estimate.innovation_covariance, f.S), (estimate.nis, f.y @ np.linalg.solve(f.S, f.y)),
+            (estimate.effectiveness, 1.0 + f.x[n:]),
         ]  # fmt: skip
         for mine, other in pairs:
             np.testing.assert_allclose(mine, other, rtol=1e-10, atol=1e-10)
@@ -151,7 +151,7 @@ def test_variances_stay_within_the_bounds_without_noise_of_gamma(
 
 
 def test_a_variance_above_the_bound_is_not_forgotten() -> None:
-    """The print's upper bound does not hold from a wide prior on; nothing is added to it, that is all."""
+    """The printed upper bound does not hold for a wide prior: forgetting only adds nothing to it."""
     P = np.diag([10.0, 0.5])
     adjusted = forget(P, VariableForgetting(0.001, 1.0).packed())
     assert adjusted[0, 0] == pytest.approx(10.0, rel=1e-15)
@@ -177,15 +177,15 @@ def test_kernels_do_the_same_compiled_and_plain(rng: np.random.Generator) -> Non
 
 def test_before_the_first_correction_the_estimate_is_the_prior(rng: np.random.Generator) -> None:
     config = _config(rng, 3, 2, 2)
-    told = TwoStageFilter(config).estimate
-    np.testing.assert_array_equal(told.state, config.state)
-    np.testing.assert_array_equal(told.gamma_covariance, config.gamma_covariance)
-    assert told.nis == 0.0
-    assert not np.any(told.innovation)
+    prior = TwoStageFilter(config).estimate
+    np.testing.assert_array_equal(prior.state, config.state)
+    np.testing.assert_array_equal(prior.gamma_covariance, config.gamma_covariance)
+    assert prior.nis == 0.0
+    assert not np.any(prior.innovation)
 
 
-def test_errors_in_a_closed_loop_are_as_large_as_the_filter_says(rng: np.random.Generator) -> None:
-    """NEES of (x, gamma) and NIS are chi-square if truth is drawn from the prior, whatever the inputs are made of, here of estimates."""
+def test_errors_in_a_closed_loop_are_as_large_as_predicted(rng: np.random.Generator) -> None:
+    """NEES of (x, gamma) and NIS are chi-square if truth is drawn from the prior, also for inputs computed from the estimates."""
     n, inputs, m, runs = 3, 2, 2, 300
     A = np.array([[0.9, 0.2, 0.0], [-0.1, 0.95, 0.1], [0.0, 0.1, 0.8]])
     B, C = np.array([[0.0, 0.3], [0.5, 0.0], [0.2, 0.4]]), np.eye(2, 3)
@@ -205,10 +205,10 @@ def test_errors_in_a_closed_loop_are_as_large_as_the_filter_says(rng: np.random.
             u = np.array([np.sin(0.3 * k), np.cos(0.5 * k)]) - 0.2 * kalman.estimate.state[:2]
             x = A @ x + B @ ((1.0 + gamma) * u) + 0.1 * rng.standard_normal(n)
             gamma = gamma + 0.01 * rng.standard_normal(inputs)
-            told = kalman.step(A, B, C, u, C @ x + 0.2 * rng.standard_normal(m))
-        whole.append((told.state - x) @ np.linalg.solve(told.state_covariance, told.state - x))
-        of_gamma.append((told.gamma - gamma) @ np.linalg.solve(told.gamma_covariance, told.gamma - gamma))
-        nis.append(told.nis)
+            estimate = kalman.step(A, B, C, u, C @ x + 0.2 * rng.standard_normal(m))
+        whole.append((estimate.state - x) @ np.linalg.solve(estimate.state_covariance, estimate.state - x))
+        of_gamma.append((estimate.gamma - gamma) @ np.linalg.solve(estimate.gamma_covariance, estimate.gamma - gamma))
+        nis.append(estimate.nis)
     for values, degrees in ((whole, n), (of_gamma, inputs), (nis, m)):
         low, high = chi2.ppf([0.0005, 0.9995], runs * degrees) / runs
         assert low < np.mean(values) < high, (degrees, np.mean(values))
@@ -224,9 +224,7 @@ def test_errors_in_a_closed_loop_are_as_large_as_the_filter_says(rng: np.random.
         ({"Q_gamma": np.diag([-1.0, 1.0])}, "Q_gamma: must be positive semidefinite"),
     ],
 )
-def test_what_cannot_be_a_covariance_is_refused(
-    rng: np.random.Generator, change: dict[str, Array], message: str
-) -> None:
+def test_an_invalid_covariance_is_refused(rng: np.random.Generator, change: dict[str, Array], message: str) -> None:
     config = _config(rng, 3, 2, 2)
     with pytest.raises(ValueError, match=message):
         TwoStageConfig(**{**vars(config), **change})

@@ -38,7 +38,7 @@ def test_the_block_fade_is_7_18_to_7_20(rng: np.random.Generator) -> None:
     n, fade = 2, 1.3
     root = rng.standard_normal((6, 6))
     U, D = _factors(root @ root.T)
-    settings = np.array([1e12, 0.0, 1.0, fade, 0.0, np.finfo(np.float64).tiny])  # a reading that tells nothing
+    settings = np.array([1e12, 0.0, 1.0, fade, 0.0, np.finfo(np.float64).tiny])  # a reading without information
     stored = np.triu(U, 1) + np.diag(D)
     y, u = 0.7, -1.3
     udu.step(np.zeros(6), stored, np.zeros(6), settings, y, u, 0.0, 0.0, False)
@@ -46,7 +46,7 @@ def test_the_block_fade_is_7_18_to_7_20(rng: np.random.Generator) -> None:
     F = np.eye(6)
     F[:n, :n] = np.eye(n, k=-1)
     F[:n, n : 2 * n], F[:n, 2 * n :] = y * np.eye(n), u * np.eye(n)
-    U, D = _factors(F @ (U * D) @ U.T @ F.T)  # what the time update gives, eq (7.11)
+    U, D = _factors(F @ (U * D) @ U.T @ F.T)  # result of the time update, eq (7.11)
     U1, S, U2, D1, D2 = U[:n, :n], U[:n, n:], U[n:, n:], D[:n], D[n:]
     inverse = np.linalg.inv(U1)
     D1_faded = np.diag(D1) + inverse @ S @ np.diag(D2 - D2 / fade) @ S.T @ inverse.T  # (7.18c)
@@ -69,7 +69,7 @@ def test_pivots_are_no_eigenvalues() -> None:
 
 
 def test_in_single_precision_the_plain_form_is_lost_and_the_factored_one_is_not() -> None:
-    """Readings that are much better than the prior: the plain form has a negative eigenvalue after a few samples, and does not recover."""
+    """With readings much more accurate than the prior, the plain form has a negative eigenvalue after a few samples and does not recover."""
     r, q, lost, off = 1e-6, 1e-4, [], []
     for seed in range(10):
         record = plants.record("A", r, q, 301, seed)
@@ -93,7 +93,7 @@ def test_in_single_precision_the_plain_form_is_lost_and_the_factored_one_is_not(
     assert plain_off > 1.0
 
 
-def test_what_is_known_exactly_stays_finite_in_single_precision() -> None:
+def test_exactly_known_parameters_stay_finite_in_single_precision() -> None:
     """With r = q = 0 the pivots fall below the smallest normal number of single precision."""
     for plant in "AC":
         for seed in range(20):

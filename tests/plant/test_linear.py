@@ -127,9 +127,16 @@ def _by_hand(design: ShortPeriod, health: Health, *, absolute: bool, dt: float) 
 @pytest.mark.parametrize("absolute", [True, False])
 def test_shares_that_come_and_go_in_flight_against_matrices_written_out(design: ShortPeriod, absolute: bool) -> None:
     """Separate shares of force and moment, a ramp and a return to an earlier Health; differences are round-off."""
-    damaged = [Health(0.3, 0.9), Health(0.3, 0.9), Health(1.0, 0.0), Health(0.0, 1.0), HEALTHY, Health(0.3, 0.9)]
+    structural_damage = [
+        Health(0.3, 0.9),
+        Health(0.3, 0.9),
+        Health(1.0, 0.0),
+        Health(0.0, 1.0),
+        HEALTHY,
+        Health(0.3, 0.9),
+    ]
     ramp = [Health(1.0 - k / 40, 1.0 - k / 80) for k in range(20)]
-    healths = [HEALTHY, *damaged, *ramp, Health(), HEALTHY, *reversed(damaged)]
+    healths = [HEALTHY, *structural_damage, *ramp, Health(), HEALTHY, *reversed(structural_damage)]
     plant = LinearPlant(design, control_hz=100, absolute=absolute)
     y = np.array([0.0, 0.0, design.elevator_trim_rad, 0.0])
     for tick, health in enumerate(healths):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft import Aircraft
-from flightbed.failures.base import Failing, healthy
-from flightbed.failures.effector import biased, driven, floating, slowed, stuck, weakened
+from flightbed.failures.base import HealthHistory, healthy
+from flightbed.failures.effector import bias, effectiveness_loss, floating, hardover, rate_limited, stuck
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.jsbsim import Fdm
 from flightbed.plant.nonlinear import JsbsimPlant, Start
@@ -38,7 +38,13 @@ def _plant(aircraft: Aircraft, point: TrimPoint, *, plant_hz: int = 200, health:
 
 
 def _fly(
-    aircraft: Aircraft, point: TrimPoint, failing: Failing, commands: Commands, *, ticks: int = 80, plant_hz: int = 200
+    aircraft: Aircraft,
+    point: TrimPoint,
+    failing: HealthHistory,
+    commands: Commands,
+    *,
+    ticks: int = 80,
+    plant_hz: int = 200,
 ) -> list[tuple[Truth, LateralTruth]]:
     plant = _plant(aircraft, point, plant_hz=plant_hz, health=failing(0))
     flown = []
@@ -112,7 +118,7 @@ def test_a_stuck_surface_stays_exactly(f16: Aircraft, point: TrimPoint, surface:
 def test_a_hardover_runs_at_the_rate_limit_to_the_stop_whatever_is_commanded(
     f16: Aircraft, point: TrimPoint, surface: str, side: float
 ) -> None:
-    failing = driven(healthy, surface=surface, to_rad=side * np.inf, at_tick=AT)
+    failing = hardover(healthy, surface=surface, to_rad=side * np.inf, at_tick=AT)
     runs = [
         _positions(_fly(f16, point, failing, commands, ticks=AT + 70), surface)
         for commands in (lambda _: (0.0, 0.0, 0.0), lambda k: (0.0, 0.0, 0.0) if k < AT else (-side, -side, -side))
@@ -138,7 +144,7 @@ def test_a_reduced_rate_limit_is_not_exceeded(f16: Aircraft, point: TrimPoint, s
 
     share = 0.2
     actuator = _actuator(f16, surface)
-    flown = _fly(f16, point, slowed(healthy, surface=surface, to=share, at_tick=AT), square, ticks=120)
+    flown = _fly(f16, point, rate_limited(healthy, surface=surface, to=share, at_tick=AT), square, ticks=120)
     rates = np.abs(np.diff(_positions(flown, surface))) * 100
     assert rates[AT:].max() == pytest.approx(share * actuator.rate_limit_rad_s, rel=1e-6)
     assert rates[:AT].max() > 2.0 * share * actuator.rate_limit_rad_s
@@ -146,14 +152,14 @@ def test_a_reduced_rate_limit_is_not_exceeded(f16: Aircraft, point: TrimPoint, s
 
 @pytest.mark.parametrize("surface", SURFACES)
 def test_without_any_rate_left_it_stands_still(f16: Aircraft, point: TrimPoint, surface: str) -> None:
-    position = _positions(_fly(f16, point, slowed(healthy, surface=surface, to=0.0, at_tick=AT), _sway), surface)
+    position = _positions(_fly(f16, point, rate_limited(healthy, surface=surface, to=0.0, at_tick=AT), _sway), surface)
     np.testing.assert_allclose(position[AT:], position[AT], atol=1e-12)
 
 
 @pytest.mark.parametrize("surface", SURFACES)
 def test_a_bias_adds_to_what_acts_and_is_not_in_the_position(f16: Aircraft, point: TrimPoint, surface: str) -> None:
     """A bias of 2 deg acts like a healthy surface deflected by 2 deg more."""
-    failing = biased(healthy, surface=surface, by_rad=2.0 * DEG, at_tick=0)
+    failing = bias(healthy, surface=surface, by_rad=2.0 * DEG, at_tick=0)
     hold = tuple(2.0 * DEG if name == surface else 0.0 for name in SURFACES)
     biased_flight = _fly(f16, point, failing, lambda _: (0.0, 0.0, 0.0), ticks=40)
     offsets = {
@@ -210,7 +216,7 @@ def test_a_floating_surface_aligns_with_the_flow(f16: Aircraft, point: TrimPoint
 def test_effectiveness_scales_the_deflection(f16: Aircraft, point: TrimPoint, surface: str) -> None:
     """K = 0.4 at 10 deg is K = 1 at 4 deg, in side force and every moment."""
     number = SURFACES.index(surface)
-    weak = weakened(healthy, to=0.4, at_tick=0, surface=surface)(0)
+    weak = effectiveness_loss(healthy, to=0.4, at_tick=0, surface=surface)(0)
     held = partial(_held, f16, point)
     ten, four = (tuple(deg * DEG if i == number else 0.0 for i in range(3)) for deg in (10.0, 4.0))
     np.testing.assert_allclose(held(weak, ten), held(HEALTHY, four), rtol=1e-12, atol=1e-9)
@@ -224,7 +230,7 @@ def test_a_failure_acts_from_its_tick_on(f16: Aircraft, point: TrimPoint, surfac
     def hold(_k: int) -> tuple[float, float, float]:
         return (0.0, 3.0 * DEG, 0.0) if surface == "aileron" else (0.0, 0.0, 3.0 * DEG)
 
-    weak = _fly(f16, point, weakened(healthy, to=0.2, at_tick=AT, surface=surface), hold, ticks=AT + 3)
+    weak = _fly(f16, point, effectiveness_loss(healthy, to=0.2, at_tick=AT, surface=surface), hold, ticks=AT + 3)
     sound = _fly(f16, point, healthy, hold, ticks=AT + 3)
     for k in range(AT + 1):
         assert (weak[k][1].p_rad_s, weak[k][1].r_rad_s) == (sound[k][1].p_rad_s, sound[k][1].r_rad_s)
@@ -262,5 +268,7 @@ def test_commanded_surfaces_are_the_stock_aircraft_at_the_same_positions(
 
 
 def test_repeat_flights_with_roll_and_yaw_are_bit_identical(f16: Aircraft, point: TrimPoint) -> None:
-    failing = weakened(stuck(healthy, surface="rudder", at_tick=AT), to=0.3, at_tick=AT + 5, surface="aileron")
+    failing = effectiveness_loss(
+        stuck(healthy, surface="rudder", at_tick=AT), to=0.3, at_tick=AT + 5, surface="aileron"
+    )
     assert _fly(f16, point, failing, _sway) == _fly(f16, point, failing, _sway)

@@ -228,7 +228,7 @@ def test_constant_destabilizing_gains_lose_the_loop() -> None:
         if adaptive.loss_phase(run, 2) == "start":
             lost += 1
             A, b = np.zeros((3, 3)), np.zeros(3)
-            adaptive.augmented(plants.parameters("F"), A, b)
+            adaptive.augment(plants.parameters("F"), A, b)
             assert np.all(run.gains[-4:] == run.gains[-1])
             assert np.max(np.abs(np.linalg.eigvals(A - np.outer(b, run.gains[-1])))) > 1.0
     assert lost >= 3

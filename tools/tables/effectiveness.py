@@ -336,7 +336,7 @@ def regret(fly_all: Fly, failures: int) -> tuple[Any, int]:
     for name, share in (("median", 0.5), ("90th percentile", 0.9), ("95th percentile", 0.95), ("worst", 1.0)):
         low, high = np.quantile(np.quantile(draws, share, axis=1), [0.025, 0.975])
         rows.append([name, f"{100 * np.quantile(regrets, share):.1f} %", f"{100 * low:.1f} - {100 * high:.1f} %"])
-    rows.append(["departures that the oracle has not", str(needless), ""])
+    rows.append(["departures that the oracle avoids", str(needless), ""])
     title = f"Regret to the oracle, {failures} random failures: tracking RMS from the tick of the failure on"
     _print(title, ("", "regret", "95 % bootstrap interval"), rows)
     return regrets, needless

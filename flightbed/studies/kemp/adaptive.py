@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.control import placement
-from flightbed.control.ackermann import augmented
+from flightbed.control.ackermann import augment
 from flightbed.document import Claim, Section, Table
 from flightbed.statistics import share, spread
 from flightbed.studies.base import Part, Trials, keyed_part
@@ -29,7 +29,7 @@ Results = Mapping[Any, list[Any]]
 def placed_gains(case: int) -> tuple[float, ...]:
     """Return the gains (K, K_e), (3,), placed for the true plant F before its changes."""
     A, b = np.zeros((3, 3)), np.zeros(3)
-    augmented(plants.parameters("F"), A, b)
+    augment(plants.parameters("F"), A, b)
     return tuple(placement.gains(A, b, (printed.POLE[case],) * 3).tolist())
 
 
