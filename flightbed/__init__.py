@@ -33,13 +33,28 @@ __all__ = [
     "read_trace", "run", "short_period", "trim", "using",
 ]  # fmt: skip
 
+# name -> module, imported on first use
 _LATER = {
-    "Aircraft": "aircraft", "load_aircraft": "aircraft", "FlightbedError": "errors", "Metrics": "metrics",
-    "Live": "live", "Result": "flight_result", "fly": "mission", "run": "mission", "JsbsimAirframe": "plant.airframe",
-    "Scenario": "scenario",
-    "load_scenario": "scenario", "Estimate": "signals", "Measurement": "signals", "Sample": "signals", "Truth": "signals",
-    "Trace": "trace", "WallClock": "pacing", "read_trace": "trace", "using": "extension",
-}  # fmt: skip
+    "Aircraft": "flightbed.aircraft",
+    "Estimate": "flightbed.signals",
+    "FlightbedError": "flightbed.errors",
+    "JsbsimAirframe": "flightbed.plant.airframe",
+    "Live": "flightbed.live",
+    "Measurement": "flightbed.signals",
+    "Metrics": "flightbed.metrics",
+    "Result": "flightbed.flight_result",
+    "Sample": "flightbed.signals",
+    "Scenario": "flightbed.scenario",
+    "Trace": "flightbed.trace",
+    "Truth": "flightbed.signals",
+    "WallClock": "flightbed.pacing",
+    "fly": "flightbed.mission",
+    "load_aircraft": "flightbed.aircraft",
+    "load_scenario": "flightbed.scenario",
+    "read_trace": "flightbed.trace",
+    "run": "flightbed.mission",
+    "using": "flightbed.extension",
+}
 
 
 def __getattr__(name: str) -> object:
@@ -48,7 +63,7 @@ def __getattr__(name: str) -> object:
 
         return version("flightbed")
     if name in _LATER:
-        return getattr(import_module(f"flightbed.{_LATER[name]}"), name)
+        return getattr(import_module(_LATER[name]), name)
     raise AttributeError(f"module 'flightbed' has no attribute '{name}'")
 
 
