@@ -222,6 +222,6 @@ def test_flights_of_a_campaign_have_the_same_estimates(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError) as caught:
         _load(tmp_path, f'{text}[[axes]]\nkey = "lateral.enabled"\nvalues = [true, false]\n')
     for surface in ("aileron", "rudder"):
-        words = f"axes: lateral.enabled = False: there is no estimate 'surfaces.{surface}', unlike in the base; make two campaigns of it"
+        words = f"axes: lateral.enabled = False: there is no estimate 'surfaces.{surface}', unlike in the base; split it into two campaigns"
         assert any(problem.endswith(words) for problem in caught.value.problems), caught.value.problems
     _load(tmp_path, f'{text}[[axes]]\nkey = "lateral.roll.amplitude_deg_s"\nvalues = [5.0, 20.0]\n')
