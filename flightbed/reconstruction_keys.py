@@ -43,7 +43,7 @@ def contradictions(scenario: Scenario) -> list[str]:
     ]
     hz = scenario.rates.control_hz
     problems += [
-        f"gusts.{i}.frequency_hz: must be below half of rates.control_hz = {hz}, or no reading shows it (got {gust.frequency_hz:g})"
+        f"gusts.{i}.frequency_hz: must be below half of rates.control_hz = {hz}, the Nyquist frequency (got {gust.frequency_hz:g})"
         for i, gust in enumerate(scenario.gusts)
         if gust.shape == "sine" and not gust.frequency_hz < hz / 2
     ]

@@ -145,7 +145,7 @@ def test_it_does_not_exist_where_the_plant_hides_the_input(rng: np.random.Genera
 
 
 def test_an_input_of_another_size_is_refused() -> None:
-    with pytest.raises(ValueError, match="of 2 inputs, the model has 1"):
+    with pytest.raises(ValueError, match="have 2 inputs, the model has 1"):
         InputKalmanFilter(
             random_walk(2, step_std=1.0, initial_std=1.0), oscillator(1.0), process=np.eye(2), noise=np.eye(1), state_covariance=np.eye(2)
         )  # fmt: skip

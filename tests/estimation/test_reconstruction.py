@@ -325,7 +325,7 @@ GUST = 'estimators.0={name="one", kind="retrospective-cost", unknown="gust"}'
         (["gusts.0={at_s=1, up_fps=5, shape='sine'}"], "gusts.0.frequency_hz: is missing; a gust of shape 'sine' needs it"),
         (["gusts.0={at_s=1, up_fps=5, shape='sine', frequency_hz=1}", "gusts.0.rise_s=1"], "gusts.0.rise_s: has no effect with gusts.0.shape = 'sine'"),
         (["gusts.0={at_s=1, up_fps=5, shape='sine', frequency_hz=50}"],
-         "gusts.0.frequency_hz: must be below half of rates.control_hz = 100, or no reading shows it (got 50)"),
+         "gusts.0.frequency_hz: must be below half of rates.control_hz = 100, the Nyquist frequency (got 50)"),
         (["gusts.0={at_s=1, up_fps=5, rise_s=1}", "gusts.0.frequency_hz=1"], "gusts.0.frequency_hz: has no effect with gusts.0.shape = '1-cos'"),
     ],
 )  # fmt: skip
