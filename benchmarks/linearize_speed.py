@@ -16,13 +16,13 @@ import jsbsim
 import numpy as np
 
 from flightbed.aircraft import load_aircraft
+from flightbed.core.timing import interleaved, ratios, seconds, spread
+from flightbed.core.units import DEG
 from flightbed.linearize import linearize
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.survey import Query, linearize_at
-from flightbed.timing import interleaved, ratios, seconds, spread
 from flightbed.trim import trim
-from flightbed.units import DEG
 
 
 def main(rounds: int) -> None:

@@ -1,4 +1,4 @@
-"""What the benchmarks share: environment and effort, tables of figures (``flightbed.timing`` takes these)."""
+"""What the benchmarks share: environment and effort, tables of figures (``flightbed.core.timing`` takes these)."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Table:
 
     def text(self) -> str:
         """Return the table in Markdown, its columns aligned."""
-        from flightbed.timing import spread  # imports numpy, which reads THREADS
+        from flightbed.core.timing import spread  # imports numpy, which reads THREADS
 
         lines = [["", *(f"{c.name}" if c.unit == "1" else f"{c.name}, {c.unit}" for c in self.columns)]]
         for name, figures in self.rows.items():

@@ -21,10 +21,10 @@ from typing import Any
 
 from measuring import machine
 
+from flightbed.core.timing import interleaved, spread
 from flightbed.mission import run
 from flightbed.pacing import WallClock
 from flightbed.scenario import Scenario, load_scenario
-from flightbed.timing import interleaved, spread
 
 
 @contextmanager

@@ -21,12 +21,12 @@ from pathlib import Path
 import numpy as np
 
 from flightbed import WallClock, load_scenario, run
+from flightbed.core.timing import differences, interleaved, seconds, spread
 from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.live import HOST, Live
 from flightbed.telemetry import viewer
 from flightbed.telemetry.recording import write_recording
-from flightbed.timing import differences, interleaved, seconds, spread
 
 _LONG = ["duration_s=600", "command.count=1000", "failures.0.at_s=300", "failures.0.to=0.9"]
 _ASK = """

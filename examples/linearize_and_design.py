@@ -9,7 +9,7 @@ import numpy as np
 
 import flightbed
 from flightbed.control.design import design_proportional, reference_gain
-from flightbed.units import DEG, FT
+from flightbed.core.units import DEG, FT
 
 f16 = flightbed.load_aircraft("f16")
 airframe = flightbed.JsbsimAirframe(f16, mach=0.8, altitude_m=20000 * FT)

@@ -15,7 +15,8 @@ from flightbed.trim import TrimPoint, trim
 
 if TYPE_CHECKING:
     from flightbed.aircraft import Aircraft, load_aircraft
-    from flightbed.errors import FlightbedError
+    from flightbed.core.errors import FlightbedError
+    from flightbed.core.signals import Estimate, Measurement, Sample, Truth
     from flightbed.extension import using
     from flightbed.flight_result import Result
     from flightbed.live import Live
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from flightbed.pacing import WallClock
     from flightbed.plant.airframe import JsbsimAirframe
     from flightbed.scenario import Scenario, load_scenario
-    from flightbed.signals import Estimate, Measurement, Sample, Truth
     from flightbed.trace import Trace, read_trace
 
 __all__ = [
@@ -36,17 +36,17 @@ __all__ = [
 # name -> module, imported on first use
 _LATER = {
     "Aircraft": "flightbed.aircraft",
-    "Estimate": "flightbed.signals",
-    "FlightbedError": "flightbed.errors",
+    "Estimate": "flightbed.core.signals",
+    "FlightbedError": "flightbed.core.errors",
     "JsbsimAirframe": "flightbed.plant.airframe",
     "Live": "flightbed.live",
-    "Measurement": "flightbed.signals",
+    "Measurement": "flightbed.core.signals",
     "Metrics": "flightbed.metrics",
     "Result": "flightbed.flight_result",
-    "Sample": "flightbed.signals",
+    "Sample": "flightbed.core.signals",
     "Scenario": "flightbed.scenario",
     "Trace": "flightbed.trace",
-    "Truth": "flightbed.signals",
+    "Truth": "flightbed.core.signals",
     "WallClock": "flightbed.pacing",
     "fly": "flightbed.mission",
     "load_aircraft": "flightbed.aircraft",

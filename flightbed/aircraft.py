@@ -16,27 +16,11 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from flightbed import data
+from flightbed.core import data
+from flightbed.core.actuator import Actuator
+from flightbed.core.errors import AircraftError, did_you_mean
+from flightbed.core.units import DEG
 from flightbed.edits import EDITS, EditError, substitute
-from flightbed.errors import AircraftError, did_you_mean
-from flightbed.units import DEG
-
-
-@dataclass(frozen=True)
-class Actuator:
-    """A first-order lag with rate and position limits.
-
-    Attributes:
-        lag_rad_s: bandwidth of the lag, rad/s.
-        rate_limit_rad_s: largest rate, rad/s.
-        min_rad, max_rad: position limits, rad.
-
-    """
-
-    lag_rad_s: float
-    rate_limit_rad_s: float
-    min_rad: float
-    max_rad: float
 
 
 @dataclass(frozen=True)

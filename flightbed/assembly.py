@@ -16,6 +16,8 @@ from flightbed.control.base import Law
 from flightbed.control.design import peak_deflection
 from flightbed.control.redesign import Redesign, RedesignedPitch
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
+from flightbed.core.signals import Health, LateralNoise, SensorNoise
+from flightbed.core.units import DEG, FT, LB
 from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator, estimate_names
 from flightbed.kemp_factories import autothrottle
 from flightbed.lateral import LateralAxes
@@ -26,10 +28,8 @@ from flightbed.plan import Plan, law_of, load_factor_law_of
 from flightbed.plant.base import Plant
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
-from flightbed.sensors import LateralNoise, LateralSensors, SensorErrors, SensorNoise, Sensors
+from flightbed.sensors import LateralSensors, SensorErrors, Sensors
 from flightbed.settings import Command, ModelError, Scenario
-from flightbed.signals import Health
-from flightbed.units import DEG, FT, LB
 
 _ROOM_M = 300.0  # a flight that starts at sea level may descend this far below it: the terrain lies lower still
 

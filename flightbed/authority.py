@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flightbed.core.units import DEG
 from flightbed.short_period import ShortPeriod
-from flightbed.units import DEG
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flightbed import registry
-from flightbed.errors import ExtensionError, FlightbedError
+from flightbed.core.errors import ExtensionError, FlightbedError
 
 if TYPE_CHECKING:
-    from flightbed.signals import Sample
+    from flightbed.core.signals import Sample
 
 _PACKAGE = str(Path(__file__).resolve().parent)
 _NOT_EXTERNAL = (_PACKAGE, sysconfig.get_path("stdlib"), "<")

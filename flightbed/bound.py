@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from flightbed.compiling import Array, compiled
+from flightbed.core.compiled import Array, compiled
+from flightbed.core.signals import SensorNoise
+from flightbed.core.units import DEG, FT
 from flightbed.estimation.pitch_model import local_models
 from flightbed.schedule import Schedule
-from flightbed.sensors import SensorNoise
 from flightbed.short_period import ShortPeriod
 from flightbed.trace import Trace
-from flightbed.units import DEG, FT
 
 
 @compiled

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flightbed import data
 from flightbed.aircraft import load_path
 from flightbed.campaign_table import metric_columns
 from flightbed.consistency import estimates, idle_keys
-from flightbed.errors import InputError, ScenarioError, did_you_mean
+from flightbed.core import data
+from flightbed.core.errors import InputError, ScenarioError, did_you_mean
 from flightbed.extension import named_by
 from flightbed.linear_aircraft import load_flyable
 from flightbed.plan import plan

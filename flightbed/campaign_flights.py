@@ -11,8 +11,8 @@ from typing import Any
 from flightbed.blame import line_of
 from flightbed.campaign_table import Row, failed_row, row
 from flightbed.consistency import estimates
+from flightbed.core.errors import FlightbedError
 from flightbed.engine import CHUNK, DEATHS
-from flightbed.errors import FlightbedError
 from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.flight_result import fly_plan
 from flightbed.percentiles import SAMPLE, Part, add_all

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.core.files import put_whole
 from flightbed.engine import CHUNK
-from flightbed.folder import put_whole
 from flightbed.moments import Moments, within
 from flightbed.percentiles import Arrays, Ensemble, Part, add_all
 from flightbed.programme import Programme

@@ -9,10 +9,10 @@ import numpy as np
 from flightbed import drawing, palette
 from flightbed.campaign_points import value_words
 from flightbed.campaign_result import Campaign
+from flightbed.core.estimate_names import numbered
 from flightbed.document import Picture
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.figures import MARGIN, mark_changes
-from flightbed.naming import numbered
 from flightbed.percentiles import PERCENTILES, Ensemble
 from flightbed.programme import MOST_REMEMBERED, SHOWN, few, values_of
 from flightbed.settings import Scenario

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from flightbed import registry
 from flightbed.consistency import idle_keys
+from flightbed.core.units import unit_of
 from flightbed.event_log import failures, gusts, milliseconds
 from flightbed.metrics import PHASES
 from flightbed.pacing import Punctuality
 from flightbed.run_summary import RunSummary
 from flightbed.settings import Command, RollCommand, Scenario, SideslipCommand
-from flightbed.units import unit_of
 
 
 def run_card(scenario: Scenario, summary: RunSummary) -> str:

@@ -15,7 +15,7 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import App, CycloptsError, Parameter
 from rich.console import Console, RenderableType
 
-from flightbed.errors import FlightbedError, InputError, OutputError
+from flightbed.core.errors import FlightbedError, InputError, OutputError
 
 INTERRUPTED = 130
 
@@ -176,7 +176,7 @@ def compare(
     from flightbed import comparison
     from flightbed.comparison_folder import COMPARISON, write_comparison
     from flightbed.comparison_report import comparison_report
-    from flightbed.folder import check_target
+    from flightbed.core.files import check_target
 
     read = comparison.load_runs(runs)
     place = out if out is not None else Path("comparisons") / comparison.short_name(read)
@@ -280,7 +280,7 @@ def linearize(
 
 
 def _deliver(content: bytes, output: Path | None) -> None:
-    from flightbed.model_files import write_atomic
+    from flightbed.core.files import write_atomic
 
     if output is not None:
         write_atomic(output, content)
@@ -366,9 +366,9 @@ def reproduce(
 
     """
     from flightbed import registry
+    from flightbed.core.files import check_target
     from flightbed.engine import opener
     from flightbed.extension import using
-    from flightbed.folder import check_target
     from flightbed.screen import progress_bar, study_lines
     from flightbed.studies.base import reproduce as recompute
     from flightbed.studies.base import with_own

@@ -16,10 +16,10 @@ import numpy as np
 from flightbed import palette
 from flightbed.card import outcome
 from flightbed.consistency import idle_keys
+from flightbed.core.errors import FlightbedError, OutputError
+from flightbed.core.estimate_names import estimate_name
 from flightbed.document import Cell, Table
-from flightbed.errors import FlightbedError, OutputError
 from flightbed.metrics import SETTLING_S, EstimatorMetrics
-from flightbed.naming import estimate_name
 from flightbed.run_summary import RunSummary
 from flightbed.scenario import load_scenario
 from flightbed.trace import Trace, Vector, read_trace

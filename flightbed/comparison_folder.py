@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flightbed.comparison import Run, to_dict
+from flightbed.core.files import FolderKind, to_json, write_folder
 from flightbed.document import Document
-from flightbed.folder import FolderKind, to_json, write_folder
 from flightbed.page import render
 from flightbed.telemetry.comparing import write_comparison as record
 

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from flightbed import reconstruction_keys, registry
-from flightbed.command.harmonics import MOST_HARMONICS, harmonics
-from flightbed.errors import did_you_mean
-from flightbed.naming import estimate_name
+from flightbed.core.errors import did_you_mean
+from flightbed.core.estimate_names import estimate_name
+from flightbed.core.harmonics import MOST_HARMONICS, harmonics
+from flightbed.core.signals import SURFACES
 from flightbed.settings import (
     LOAD_FACTOR_LAWS,
     Command,
@@ -17,7 +18,6 @@ from flightbed.settings import (
     Scenario,
     SideslipCommand,
 )
-from flightbed.signals import SURFACES
 
 _PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
 _BAND = _PULSES | {"low_hz", "high_hz"}

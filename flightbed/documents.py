@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from flightbed.aircraft import Aircraft
-from flightbed.errors import InputError
+from flightbed.core.errors import InputError
+from flightbed.core.units import DEG
 from flightbed.linearize import LinearModel
 from flightbed.modes import modes
 from flightbed.plant.airframe import JsbsimAirframe
@@ -16,7 +17,6 @@ from flightbed.plant.jsbsim import version
 from flightbed.short_period import zero_order_hold
 from flightbed.survey import Point, Query
 from flightbed.trim import TrimPoint
-from flightbed.units import DEG
 from flightbed.validate import validate
 
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from flightbed.errors import InputError
+from flightbed.core.errors import InputError
+from flightbed.core.versions import versions
 from flightbed.processes import local_processes
-from flightbed.versions import versions
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -14,8 +14,8 @@ from typing import Any, NoReturn, Protocol, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.core.errors import InputError
 from flightbed.engine import CHUNK, DEATHS, Opener, Work, results
-from flightbed.errors import InputError
 from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.flight_result import fly_plan
 from flightbed.metrics import Metrics

@@ -7,14 +7,14 @@ from math import sqrt
 
 import numpy as np
 
-from flightbed.air import standard_air
 from flightbed.aircraft import Aircraft
 from flightbed.control.load_factor import PitchPoint
-from flightbed.errors import NoTrimError
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.errors import NoTrimError
+from flightbed.core.units import FT, LBF
 from flightbed.linearize import LinearModel, linearize
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.trim import trim
-from flightbed.units import FT, LBF
 
 PSF = LBF / FT**2  # Pa
 DYNAMIC_PRESSURES_PSF = (

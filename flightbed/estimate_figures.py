@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flightbed import drawing, palette
-from flightbed.naming import numbered, of_surface, surface_of
-from flightbed.signals import SURFACES
+from flightbed.core.estimate_names import numbered, of_surface, surface_of
+from flightbed.core.signals import SURFACES
 from flightbed.statistics import chi_square_bound
 from flightbed.trace import true_share
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flightbed.aircraft import Actuator
+from flightbed.core.actuator import Actuator
+from flightbed.core.units import DEG
 from flightbed.estimation.following_kernels import ACTUATOR
 from flightbed.loop import DEPARTURE_RAD
 from flightbed.metrics import at_stop, since_s
@@ -14,7 +15,6 @@ from flightbed.pacing import Spell, late_spells
 from flightbed.run_summary import RunSummary
 from flightbed.settings import Failure, GustSettings, Scenario
 from flightbed.trace import Trace, true_share
-from flightbed.units import DEG
 
 _MANY = 10  # spells of late ticks that the event log lists one by one
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from flightbed import registry
 from flightbed.blame import constructor_message, line_of, location
-from flightbed.errors import ExtensionError, FlightbedError, InputError, did_you_mean
+from flightbed.core.errors import ExtensionError, FlightbedError, InputError, did_you_mean
 
 if TYPE_CHECKING:
     from flightbed.settings import Scenario

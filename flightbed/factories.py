@@ -21,6 +21,7 @@ from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.control.redesign import PitchWeights, RedesignedPitch, pitch_lq
+from flightbed.core.units import DEG, FT
 from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
@@ -36,7 +37,6 @@ from flightbed.failures.effector import ramp as _ramp
 from flightbed.failures.effector import stuck as _stuck
 from flightbed.gusts import Gusts, calm, one_minus_cosine, sine
 from flightbed.short_period import ShortPeriod
-from flightbed.units import DEG, FT
 
 
 def doublet(settings: s.Command) -> Command:

@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed import drawing
+from flightbed.core.estimate_names import of_surface
+from flightbed.core.units import DEG
 from flightbed.estimate_figures import (
     effectiveness,
     estimated_surfaces,
@@ -21,8 +23,6 @@ from flightbed.estimate_figures import (
     sigma,
 )
 from flightbed.metrics import PHASES, at_stop
-from flightbed.naming import of_surface
-from flightbed.units import DEG
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,7 +17,10 @@ import numpy as np
 from flightbed.assembly import assemble, names_of, sensor_noise
 from flightbed.blame import watched
 from flightbed.bound import bound, design_models, schedule_models
-from flightbed.errors import ExtensionError
+from flightbed.core.errors import ExtensionError
+from flightbed.core.signals import Sample
+from flightbed.core.units import DEG
+from flightbed.core.versions import versions
 from flightbed.estimation.base import estimate_names
 from flightbed.excitation import with_excitation
 from flightbed.extension import named_by
@@ -39,10 +42,7 @@ from flightbed.run_summary import (
     TrimSummary,
 )
 from flightbed.settings import Scenario
-from flightbed.signals import Sample
 from flightbed.trace import Trace, collect, from_rows
-from flightbed.units import DEG
-from flightbed.versions import versions
 
 Watch = Callable[[Iterator[Sample]], Iterator[Sample]]  # yields the samples unchanged
 

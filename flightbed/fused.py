@@ -17,12 +17,13 @@ from struct import Struct
 
 import numpy as np
 
-from flightbed.compiling import Array, compiled
 from flightbed.control import adaptation
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Gains
 from flightbed.control.proportional import Proportional, proportional_demand
 from flightbed.control.proportional_integral import ProportionalIntegral
+from flightbed.core.compiled import Array, compiled
+from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement, Truth
 from flightbed.estimation import loop_gain, rls
 from flightbed.estimation.base import Estimator, SurfacesEstimator
 from flightbed.estimation.loop_gain import LoopGain
@@ -31,7 +32,6 @@ from flightbed.loop import DEPARTURE_RAD, Flight, invalid_estimate
 from flightbed.plant import properties
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.sensors import Sensors, readings
-from flightbed.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement, Truth
 from flightbed.trace import LEADING, row_width
 
 # Indices into the store. The rows have the layout of trace.row_packer.

@@ -19,9 +19,10 @@ from typing import IO, Any
 from flightbed.campaign_flights import ChunkResult
 from flightbed.campaign_histories import Histories
 from flightbed.campaign_table import Row
+from flightbed.core.errors import InputError, OutputError
+from flightbed.core.files import check_target, first_free, numbered, put_whole
 from flightbed.engine import CHUNK
-from flightbed.errors import InputError, OutputError
-from flightbed.folder import CAMPAIGN, check_target, first_free, numbered, put_whole
+from flightbed.folder import CAMPAIGN
 from flightbed.programme import Programme
 
 UNFINISHED = "unfinished"

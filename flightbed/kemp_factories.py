@@ -15,11 +15,11 @@ from flightbed.control.autothrottle import Autothrottle
 from flightbed.control.load_factor import POLES, LoadFactorDesign, LoadFactorLaw, gain_table, second_order
 from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, rest_state
 from flightbed.control.nz_scheduled import NzScheduled
+from flightbed.core.units import DEG, FT
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.plid import CONVENTIONAL, PlidConfig, Tracking
 from flightbed.estimation.plid_effectiveness import PlidEffectiveness, PlidEffectivenessConfig
 from flightbed.estimation.udu import FACTORED
-from flightbed.units import DEG, FT
 
 _FORMS = MappingProxyType({"factored": FACTORED, "plain": CONVENTIONAL})
 

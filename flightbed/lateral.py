@@ -8,10 +8,10 @@ from math import isfinite
 
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.roll_yaw import RollYaw
-from flightbed.errors import EstimateError
+from flightbed.core.errors import EstimateError
+from flightbed.core.signals import Estimate, Health, LateralSample
 from flightbed.plant.base import SteeredPlant
 from flightbed.sensors import LateralSensors
-from flightbed.signals import Estimate, Health, LateralSample
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.air import standard_air
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.units import DEG
 from flightbed.linearize import LinearModel
 from flightbed.plant.base import Airframe, Controls, Motion
 from flightbed.schedule import nodes
-from flightbed.units import DEG
 
 Matrix = npt.NDArray[np.float64]
 

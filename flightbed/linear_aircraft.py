@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from flightbed import data
-from flightbed.air import standard_air
-from flightbed.aircraft import Actuator, Aircraft, load_aircraft
-from flightbed.errors import AircraftError, did_you_mean
+from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.core import data
+from flightbed.core.actuator import Actuator
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.errors import AircraftError, did_you_mean
+from flightbed.core.units import FT
 from flightbed.short_period import ShortPeriod
-from flightbed.units import FT
 
 _KEYS: Mapping[str, tuple[str, ...]] = {
     "": ("schema", "kind", "name", "description", "condition", "short_period", "elevator"),

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.core.units import DEG, FT
 from flightbed.plant.base import Airframe, Controls, Motion
 from flightbed.trim import TrimPoint
-from flightbed.units import DEG, FT
 
 if TYPE_CHECKING:
     import control

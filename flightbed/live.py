@@ -18,8 +18,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, BinaryIO
 
-from flightbed.errors import InputError
-from flightbed.signals import Sample
+from flightbed.core.errors import InputError
+from flightbed.core.signals import Sample
 from flightbed.trace import row_packer
 
 if TYPE_CHECKING:

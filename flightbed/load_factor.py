@@ -7,8 +7,8 @@ from math import isnan, nan
 
 from flightbed.control.autothrottle import Autothrottle
 from flightbed.control.load_factor import LoadFactorLaw, level_g
+from flightbed.core.signals import LoadFactorSample, Measurement
 from flightbed.plant.base import ThrottledPlant
-from flightbed.signals import LoadFactorSample, Measurement
 
 
 class LoadFactorAxis:

@@ -11,15 +11,15 @@ from flightbed.command.base import Profile
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
 from flightbed.control.redesign import Redesign
-from flightbed.errors import EstimateError
+from flightbed.core.errors import EstimateError
+from flightbed.core.signals import Estimate, LateralMeasurement, LateralSample, Measurement, Sample
+from flightbed.core.units import DEG
 from flightbed.estimation.base import Commanded, Estimator, SurfacesEstimator, estimate_names
 from flightbed.failures.base import HealthHistory
 from flightbed.lateral import LateralAxes
 from flightbed.load_factor import LoadFactorAxis
 from flightbed.plant.base import Plant
 from flightbed.sensors import Sensors
-from flightbed.signals import Estimate, LateralMeasurement, LateralSample, Measurement, Sample
-from flightbed.units import DEG
 
 _new = tuple.__new__  # makes a named tuple without its constructor, which costs 1 % of a tick
 # Deviation of alpha from trim, or sideslip beta where aileron and rudder are commanded, that counts as a departure.

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flightbed.compiling import Array
 from flightbed.control.base import Gains
 from flightbed.control.lq import spectral_radius
 from flightbed.control.margin import first_crossing
 from flightbed.control.roll_yaw import RollYaw
+from flightbed.core.compiled import Array
 from flightbed.lateral_directional import LateralDirectional
 from flightbed.short_period import ShortPeriod, zero_order_hold
 

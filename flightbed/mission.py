@@ -9,15 +9,16 @@ from pathlib import Path
 
 from flightbed.assembly import assemble
 from flightbed.blame import guarded
+from flightbed.core.files import check_target
+from flightbed.core.signals import Sample
 from flightbed.extension import named_by
 from flightbed.flight_result import Result, Watch, fly_scenario
-from flightbed.folder import RUN, check_target, shown, write_run
+from flightbed.folder import RUN, shown, write_run
 from flightbed.live import Live
 from flightbed.loop import fly as fly_loop
 from flightbed.pacing import Clock
 from flightbed.plan import Plan, plan
 from flightbed.settings import Scenario
-from flightbed.signals import Sample
 from flightbed.telemetry.shown import FlightInfo
 
 

@@ -5,18 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from flightbed.errors import OutputError
+from flightbed.core.units import unit_of
 from flightbed.linearize import LATERAL, Matrix
 from flightbed.survey import Point
-from flightbed.units import unit_of
 
 
 def model_table(point: Point, document: Mapping[str, Any]) -> str:
@@ -192,28 +188,6 @@ def binary(content: Mapping[str, Any], kind: str) -> bytes:
         cells = {k: np.array(v, dtype=object) if np.asarray(v).dtype.kind == "U" else v for k, v in content.items()}
         savemat(cast(Any, buffer), cells)
     return buffer.getvalue()
-
-
-def write_atomic(path: Path, content: bytes, *, option: str = "-o") -> None:
-    """Write a file atomically; ``option`` names it in errors. Raises OutputError."""
-    try:
-        handle, scratch = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(content)
-            Path(scratch).chmod(0o666 & ~_umask())
-            Path(scratch).replace(path)
-        except BaseException:
-            Path(scratch).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise OutputError(f"{option} {path}: cannot be written: {error.strerror}") from None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _matrix(values: Any, rows: Sequence[str], columns: Sequence[str]) -> list[str]:

@@ -9,8 +9,8 @@ from math import inf, log
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.core.units import G0
 from flightbed.linearize import LinearModel
-from flightbed.units import G0
 
 _FAST = ("alpha", "q")
 _SLOW = ("airspeed", "theta")

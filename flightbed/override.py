@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from flightbed.errors import ScenarioError
+from flightbed.core.errors import ScenarioError
 
 
 def override(raw: Mapping[str, Any], overrides: Sequence[str]) -> tuple[Mapping[str, Any], frozenset[str]]:

@@ -8,10 +8,8 @@ to its tick as well. The command of the last tick has no effect: no control peri
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 from typing import NamedTuple, Protocol, TypeVar
@@ -19,6 +17,7 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.core.files import heap_set_aside
 from flightbed.trace import Trace
 
 T = TypeVar("T")
@@ -117,19 +116,6 @@ def _wait_until(due_ns: int, clock: Clock) -> int:
     while now < due_ns:
         now = clock.now_ns()
     return now
-
-
-@contextmanager
-def heap_set_aside() -> Iterator[None]:
-    """Exclude all existing objects from garbage collections inside the ``with`` block: scanning the imported libraries takes 0.1 s."""
-    if gc.get_freeze_count():  # the caller has frozen the heap already and unfreezes it
-        yield
-        return
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.unfreeze()
 
 
 def with_timings(trace: Trace, timings: Sequence[int]) -> Trace:

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from importlib.metadata import version
 
 from flightbed import registry
-from flightbed.aircraft import Actuator, Aircraft, load_path
+from flightbed.aircraft import Aircraft, load_path
 from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law
 from flightbed.control.load_factor import LoadFactorDesign, LoadFactorLaw
+from flightbed.core.actuator import Actuator
+from flightbed.core.errors import AircraftError, DesignError, NoTrimError, ScenarioError
+from flightbed.core.units import DEG, FT
 from flightbed.envelope import pitch_point, pitch_points
-from flightbed.errors import AircraftError, DesignError, NoTrimError, ScenarioError
 from flightbed.factories import lq_gains
 from flightbed.lateral_directional import LateralDirectional, lateral_directional
 from flightbed.linear_aircraft import LinearAircraft, load_flyable
@@ -25,7 +27,6 @@ from flightbed.schedule import Schedule, load_schedule
 from flightbed.settings import Condition
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import TrimPoint, trim
-from flightbed.units import DEG, FT
 
 _STANDARD = Condition(mach=0.8, altitude_ft=20000.0)  # condition at which the schedule is tabulated
 

@@ -12,7 +12,7 @@ from multiprocessing.connection import wait
 from threading import Lock, Thread, local
 from typing import ParamSpec, TypeVar
 
-from flightbed.errors import InputError
+from flightbed.core.errors import InputError
 
 P = ParamSpec("P")
 R = TypeVar("R")

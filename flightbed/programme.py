@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from flightbed.consistency import idle_keys
+from flightbed.core.versions import versions
 from flightbed.extension import Extension
 from flightbed.override import replaced, setting
 from flightbed.scenario import validated
 from flightbed.settings import AxisSettings, CampaignSettings, Scenario
-from flightbed.versions import versions
 
 Values = Mapping[str, Any]  # key of the scenario -> value
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from flightbed import settings as s
+from flightbed.core.units import DEG
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.following import FollowingConfig
 from flightbed.estimation.gust_reconstruction import GustConfig, GustReconstruction
 from flightbed.estimation.reconstruction import ElevatorReconstruction, ReconstructionConfig
 from flightbed.estimation.reconstruction_methods import RetrospectiveSettings, WalkSettings
-from flightbed.units import DEG
 
 
 def retrospective_cost(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:

@@ -16,7 +16,7 @@ from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import Any, Protocol
 
-from flightbed.errors import ExtensionError, UnknownNameError
+from flightbed.core.errors import ExtensionError, UnknownNameError
 
 _BUILT_IN = MappingProxyType(
     {

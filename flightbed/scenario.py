@@ -8,9 +8,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from flightbed import data
 from flightbed.consistency import contradictions, idle_keys
-from flightbed.errors import ScenarioError, did_you_mean
+from flightbed.core import data
+from flightbed.core.errors import ScenarioError, did_you_mean
 from flightbed.override import override
 from flightbed.settings import Scenario, ValidationError, known_keys
 from flightbed.wording import brief, message

@@ -22,9 +22,9 @@ from zipfile import BadZipFile
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.air import standard_air
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.units import DEG, G0
 from flightbed.plant.base import Airframe, Controls, Motion
-from flightbed.units import DEG, G0
 
 Array = npt.NDArray[np.float64]
 

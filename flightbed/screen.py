@@ -223,7 +223,8 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
 
 def list_lines(family: str | None) -> Iterator[RenderableType]:
     """Yield names and descriptions, one per line, of one family or of all."""
-    from flightbed import data, registry
+    from flightbed import registry
+    from flightbed.core import data
     from flightbed.linear_aircraft import load_flyable
     from flightbed.scenario import load_scenario, read_toml
 

@@ -7,8 +7,8 @@ from itertools import repeat
 
 import numpy as np
 
-from flightbed.compiling import Array, compiled, plain
-from flightbed.signals import LateralMeasurement, LateralTruth, Measurement, Truth
+from flightbed.core.compiled import Array, compiled, plain
+from flightbed.core.signals import LateralMeasurement, LateralNoise, LateralTruth, Measurement, SensorNoise, Truth
 
 _new = tuple.__new__
 Nine = tuple[float, float, float, float, float, float, float, float, float]
@@ -35,20 +35,6 @@ def readings(
 
 
 _readings = plain(readings)
-
-
-@dataclass(frozen=True)
-class SensorNoise:
-    """Standard deviations of white Gaussian noise, one draw per tick. In order: rad, rad/s, rad, 1, m, rad, rad, g."""
-
-    alpha_rad: float
-    q_rad_s: float
-    elevator_rad: float = 0.0
-    mach: float = 0.0
-    altitude_m: float = 0.0
-    theta_rad: float = 0.0
-    phi_rad: float = 0.0
-    nz_g: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -105,17 +91,6 @@ class Sensors:
     def _laid_out(self) -> list[list[float]]:
         self._rows = self.errors.tolist()
         return self._rows
-
-
-@dataclass(frozen=True)
-class LateralNoise:
-    """Standard deviations of white Gaussian noise, one draw per tick. In order: rad, rad/s, rad/s, rad, rad."""
-
-    beta_rad: float
-    p_rad_s: float
-    r_rad_s: float
-    aileron_rad: float = 0.0
-    rudder_rad: float = 0.0
 
 
 class LateralSensors:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.errors import InputError
+from flightbed.core.errors import InputError
 from flightbed.survey import Query
 
 _SUFFIXES = (".png", ".svg", ".pdf")

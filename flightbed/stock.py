@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from flightbed.errors import AircraftError
+from flightbed.core.errors import AircraftError
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from flightbed import data
 from flightbed.aircraft import Aircraft, load_aircraft
 from flightbed.authority import Authority, authority
-from flightbed.errors import InputError, NoTrimError, UnknownNameError
+from flightbed.core import data
+from flightbed.core.errors import InputError, NoTrimError, UnknownNameError
+from flightbed.core.units import DEG, FT, KT
 from flightbed.linearize import LinearModel, linearize
 from flightbed.modes import FlyingQualities, flying_qualities
 from flightbed.plant.airframe import Engine, JsbsimAirframe
@@ -20,7 +21,6 @@ from flightbed.plant.jsbsim import stock_aircraft, stock_names
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.stock import StockAircraft
 from flightbed.trim import TrimPoint, trim
-from flightbed.units import DEG, FT, KT
 
 MOST = 100_000  # conditions of one sweep
 STOCK = "jsbsim:"  # prefix that selects the stock aircraft where an overlay has the same name

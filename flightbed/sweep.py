@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 
 from flightbed import documents, model_files, survey
 from flightbed.aircraft import Aircraft
-from flightbed.errors import InputError, NoTrimError
+from flightbed.core.errors import InputError, NoTrimError
+from flightbed.core.files import write_atomic
 from flightbed.stock import StockAircraft
 from flightbed.survey import Point, Query
 
@@ -118,7 +119,7 @@ def linearize_all(
             )
             results.append(document)
     if picture is not None:
-        model_files.write_atomic(picture, draw(plane.name, queries, rows, picture.suffix), option="--picture")
+        write_atomic(picture, draw(plane.name, queries, rows, picture.suffix), option="--picture")
     if format_ in ("npz", "mat"):
         return model_files.binary(model_files.arrays(points[0], results[0]), format_)
     if format_ == "parquet":

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.errors import OutputError
-from flightbed.naming import surface_of
-from flightbed.signals import (
+from flightbed.core.errors import OutputError
+from flightbed.core.estimate_names import surface_of
+from flightbed.core.signals import (
     Estimate,
     LateralMeasurement,
     LateralSample,
@@ -24,7 +24,7 @@ from flightbed.signals import (
     Sample,
     Truth,
 )
-from flightbed.units import DEG, FT, unit_of
+from flightbed.core.units import DEG, FT, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd

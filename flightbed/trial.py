@@ -14,13 +14,13 @@ from flightbed.command.doublet import doublet
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.design import design_proportional
 from flightbed.control.proportional import Proportional
+from flightbed.core.signals import Measurement, SensorNoise
+from flightbed.core.units import DEG, FT
 from flightbed.estimation.base import OnBoard
 from flightbed.failures.base import healthy
 from flightbed.failures.effector import effectiveness_loss
 from flightbed.plant.linear import LinearPlant
-from flightbed.sensors import SensorNoise, Sensors
-from flightbed.signals import Measurement
-from flightbed.units import DEG, FT
+from flightbed.sensors import Sensors
 
 _TICKS = 600
 FAILS_AT = 150  # tick at which K drops to 0.5

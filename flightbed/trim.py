@@ -10,9 +10,9 @@ from math import asin, atan2, cos, sin, sqrt, tan
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.errors import InputError, NoTrimError
+from flightbed.core.errors import InputError, NoTrimError
+from flightbed.core.units import DEG, G0
 from flightbed.plant.base import Airframe, Controls, Motion
-from flightbed.units import DEG, G0
 
 Vector = npt.NDArray[np.float64]
 Residual = Callable[[Vector], Vector]

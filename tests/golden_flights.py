@@ -357,7 +357,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     if given.changed is not None and not (given.write and given.changed.strip()):
         parser.error("--changed needs --write and a reason that is not empty")
-    from flightbed import data
+    from flightbed.core import data
     from tests.flights import fly_shipped
 
     found, table = environment(), Table.read()

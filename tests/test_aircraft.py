@@ -10,11 +10,11 @@ import jsbsim
 import numpy as np
 import pytest
 
-from flightbed import data
 from flightbed.aircraft import Aircraft, load_aircraft
-from flightbed.errors import AircraftError, InputError, UnknownNameError
+from flightbed.core import data
+from flightbed.core.errors import AircraftError, InputError, UnknownNameError
+from flightbed.core.units import DEG
 from flightbed.plant.jsbsim import Fdm
-from flightbed.units import DEG
 
 LOADS = [f"forces/fb{axis}-{kind}-lbs" for axis in "xyz" for kind in ("aero", "total")] + [
     f"moments/{axis}-{kind}-lbsft" for axis in "lmn" for kind in ("aero", "total")

@@ -58,12 +58,12 @@ def test_laws_and_estimators_see_neither_plant_nor_truth(family: str) -> None:
     for path in (PACKAGE / family).glob("*.py"):
         direct = _imports(path)
         assert not any(name.startswith("flightbed.plant") for name in direct), _name(path)
-        assert "flightbed.signals.Truth" not in direct, _name(path)
+        assert "flightbed.core.signals.Truth" not in direct, _name(path)
         tree = ast.parse(path.read_text())
         names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
         names |= {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute)}
         assert not {"Truth", "truth", "Sample"} & names, _name(path)
-        assert "flightbed.signals.Sample" not in direct, _name(path)
+        assert "flightbed.core.signals.Sample" not in direct, _name(path)
         assert "flightbed.plant.jsbsim" not in _reach(path), _name(path)
 
 

@@ -12,10 +12,10 @@ from scipy.stats import chi2
 from flightbed import load_scenario, run
 from flightbed.assembly import assemble
 from flightbed.control.base import Gains
+from flightbed.core.signals import Estimate, Measurement
+from flightbed.core.units import DEG
 from flightbed.loop import Flight, fly
 from flightbed.plan import law_of, plan
-from flightbed.signals import Estimate, Measurement
-from flightbed.units import DEG
 
 GIVEN = ["control.gains={alpha=0.3, q_s=0.8, elevator=-0.3, reference_s=-0.9, integral=-2.0}"]
 SHORT = ["duration_s=6"]

@@ -12,11 +12,11 @@ from scipy.linalg import expm
 from flightbed import load_scenario, run
 from flightbed.assembly import sensor_noise
 from flightbed.bound import _bounds, bound, design_models, schedule_models
+from flightbed.core.units import DEG, FT
 from flightbed.estimation import pitch_model
 from flightbed.estimation.record import estimate_record
 from flightbed.flight_result import Result
 from flightbed.short_period import ShortPeriod
-from flightbed.units import DEG, FT
 
 
 def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator) -> None:

@@ -23,8 +23,8 @@ from flightbed.campaign_report import campaign_report
 from flightbed.campaign_result import Campaign, worst_of
 from flightbed.campaign_summary import QuantitySummary
 from flightbed.campaign_table import Quantity, Row, passes
+from flightbed.core.errors import InputError, OutputError
 from flightbed.ensemble import processes
-from flightbed.errors import InputError, OutputError
 from flightbed.journal import Journal, journal
 from flightbed.metrics import EstimatorMetrics
 from flightbed.mission import run

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed import data
 from flightbed.campaign_file import load_programme, plain
-from flightbed.errors import InputError, ScenarioError, UnknownNameError
+from flightbed.core import data
+from flightbed.core.errors import InputError, ScenarioError, UnknownNameError
 from flightbed.programme import Programme, draw, flight_hash, scenario_of, values_of
 from flightbed.scenario import load_scenario
 from flightbed.settings import AxisSettings, CampaignSettings

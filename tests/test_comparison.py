@@ -12,7 +12,7 @@ import pytest
 
 from flightbed import comparison
 from flightbed.comparison_report import comparison_report
-from flightbed.errors import OutputError
+from flightbed.core.errors import OutputError
 from flightbed.folder import recording_of
 from flightbed.mission import run
 from flightbed.page import render

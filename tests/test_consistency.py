@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from flightbed.consistency import idle_keys
-from flightbed.errors import ScenarioError
+from flightbed.core.errors import ScenarioError
+from flightbed.core.units import DEG
 from flightbed.extension import named_by, using
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
-from flightbed.units import DEG
 from tests.lateral_flight import rolling
 
 PLACE = "scenarios/thesis-loss.toml"

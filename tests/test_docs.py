@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from flightbed import data
 from flightbed.campaign_file import load_programme
+from flightbed.core import data
 from flightbed.extension import using
 from flightbed.mission import run
 from flightbed.pacing import WallClock

@@ -17,9 +17,9 @@ import pytest
 
 from flightbed import campaign as campaigns
 from flightbed.campaign_file import load_programme
+from flightbed.core.errors import InputError
+from flightbed.core.versions import versions
 from flightbed.engine import DEATHS, Work, opener, results
-from flightbed.errors import InputError
-from flightbed.versions import versions
 from tests import dask_cluster
 from tests.command_line import flightbed
 from tests.test_journal import LONGER, started

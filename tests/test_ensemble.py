@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from flightbed import ensemble
+from flightbed.core.errors import ScenarioError
+from flightbed.core.versions import versions
 from flightbed.ensemble import Flown, Job, fly_chunk, fly_jobs, histories, processes
-from flightbed.errors import ScenarioError
 from flightbed.metrics import Metrics
 from flightbed.mission import run
 from flightbed.scenario import Scenario, load_scenario
-from flightbed.versions import versions
 from tests.test_journal import backwards
 
 NOTHING = Metrics(False, None, None, None, None, {})

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import pytest
 
-from flightbed import errors
-from flightbed.errors import (
+from flightbed.core import errors
+from flightbed.core.errors import (
     AircraftError,
     DesignError,
     EstimateError,

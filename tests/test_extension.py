@@ -23,8 +23,9 @@ from hypothesis import strategies as st
 
 import flightbed
 from flightbed import cli, registry
+from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
+from flightbed.core.signals import Estimate, Measurement
 from flightbed.ensemble import Job, fly_jobs, processes
-from flightbed.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.loop_gain import LoopGain
 from flightbed.extension import at_hand, check_named, load, named_by, permits, using
@@ -35,7 +36,6 @@ from flightbed.options import Options
 from flightbed.report import rerun_command
 from flightbed.scenario import load_scenario
 from flightbed.settings import EstimatorSettings
-from flightbed.signals import Estimate, Measurement
 from tests.command_line import flightbed as command_line
 
 FILTER = '''\

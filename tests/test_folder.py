@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from flightbed.core.errors import OutputError
+from flightbed.core.files import check_target
 from flightbed.document import Claim, Document, Section, Table
-from flightbed.errors import OutputError
-from flightbed.folder import RUN, check_target
+from flightbed.folder import RUN
 from flightbed.page import render
 from flightbed.statistics import Interval
 from flightbed.studies.folder import STUDY, write_study

@@ -11,8 +11,9 @@ import pandas as pd
 import pytest
 
 from flightbed.aircraft import Aircraft
+from flightbed.core.errors import InputError, NoTrimError, UnknownNameError
+from flightbed.core.units import DEG, G0, KT
 from flightbed.documents import document, row
-from flightbed.errors import InputError, NoTrimError, UnknownNameError
 from flightbed.linearize import LATERAL, LONGITUDINAL, PARTS, LinearModel
 from flightbed.modes import lateral_modes, modes
 from flightbed.plant.base import Controls, Motion
@@ -20,7 +21,6 @@ from flightbed.stability_map import draw
 from flightbed.survey import Query, find_aircraft, linearize_at, nearest_feasible, trim_at
 from flightbed.sweep import trim_all
 from flightbed.trim import TrimPoint, trim
-from flightbed.units import DEG, G0, KT
 from tests.command_line import assert_one_clear_line, flightbed
 
 SCHEMA = json.loads((Path(__file__).parent / "golden" / "linearize.schema.json").read_text())

@@ -9,10 +9,12 @@ from math import nan
 import numpy as np
 import pytest
 
-from flightbed import data, reconstruction_keys
+from flightbed import reconstruction_keys
 from flightbed.assembly import assemble
 from flightbed.control.proportional import Proportional
-from flightbed.errors import EstimateError
+from flightbed.core import data
+from flightbed.core.errors import EstimateError
+from flightbed.core.signals import Estimate, Measurement, Truth
 from flightbed.estimation.loop_gain import LoopGain
 from flightbed.fused import rows_of
 from flightbed.loop import Flight, fly
@@ -20,7 +22,6 @@ from flightbed.mission import run
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.sensors import Sensors
-from flightbed.signals import Estimate, Measurement, Truth
 from flightbed.trace import Trace, collect, from_rows
 from tests.lateral_flight import NAMES, SOON, rolling
 

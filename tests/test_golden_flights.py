@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed import data
+from flightbed.core import data
 from flightbed.mission import Result, run
 from flightbed.scenario import load_scenario
 from tests.bits import compare

@@ -24,8 +24,8 @@ from flightbed import campaign as campaigns
 from flightbed import campaign_flights
 from flightbed.campaign_file import load_programme, plain
 from flightbed.campaign_flights import Chunk, ChunkResult, chunk_of, fly_chunk
+from flightbed.core.errors import InputError, OutputError
 from flightbed.engine import Opener
-from flightbed.errors import InputError, OutputError
 from flightbed.folder import CAMPAIGN
 from flightbed.journal import Journal, journal
 from flightbed.mission import run as fly_one

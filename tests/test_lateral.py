@@ -11,7 +11,9 @@ import pytest
 from flightbed.aircraft import load_aircraft
 from flightbed.assembly import assemble
 from flightbed.consistency import detectors, estimates
-from flightbed.errors import EstimateError, ScenarioError
+from flightbed.core.errors import EstimateError, ScenarioError
+from flightbed.core.signals import Health, LateralNoise, LateralSample, LateralTruth, Sample
+from flightbed.core.units import DEG
 from flightbed.estimation.surfaces import TwoStagePitch, TwoStageSurfaces
 from flightbed.event_log import why_departed
 from flightbed.flight_result import Result
@@ -20,10 +22,8 @@ from flightbed.metrics import SETTLING_S, measure
 from flightbed.mission import run
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
-from flightbed.sensors import LateralNoise, LateralSensors
-from flightbed.signals import Health, LateralSample, LateralTruth, Sample
+from flightbed.sensors import LateralSensors
 from flightbed.trace import collect, from_rows, read_trace, row_packer, row_width, true_share
-from flightbed.units import DEG
 from tests.lateral_flight import NAMES, SOON, rolling
 
 

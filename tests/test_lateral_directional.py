@@ -10,6 +10,7 @@ import pytest
 
 from flightbed.aircraft import Aircraft
 from flightbed.assembly import assemble
+from flightbed.core.units import FT, G0
 from flightbed.estimation import surfaces_model
 from flightbed.lateral_directional import INPUTS, STATES, LateralDirectional, lateral_directional
 from flightbed.linearize import linearize
@@ -18,7 +19,6 @@ from flightbed.plan import plan
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.scenario import load_scenario
 from flightbed.trim import trim
-from flightbed.units import FT, G0
 
 CONDITIONS = [(0.8, 20000.0), (0.6, 20000.0), (0.5, 5000.0), (0.7, 30000.0)]
 

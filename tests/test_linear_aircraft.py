@@ -11,9 +11,10 @@ import control
 import numpy as np
 import pytest
 
-from flightbed import cli, data
+from flightbed import cli
 from flightbed.aircraft import Aircraft, load_aircraft
-from flightbed.errors import AircraftError, UnknownNameError
+from flightbed.core import data
+from flightbed.core.errors import AircraftError, UnknownNameError
 from flightbed.linear_aircraft import LinearAircraft, load_flyable, load_linear_aircraft
 from tests.command_line import flightbed
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from flightbed import campaign as campaigns
-from flightbed.air import standard_air
 from flightbed.aircraft import Aircraft
 from flightbed.assembly import assemble
 from flightbed.campaign_lead import headline
@@ -17,8 +16,10 @@ from flightbed.card import run_card
 from flightbed.comparison import load_runs
 from flightbed.comparison_report import comparison_report
 from flightbed.control.load_factor import closed_loop_poles, gain_table
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.errors import ScenarioError
+from flightbed.core.units import FT, G0
 from flightbed.envelope import DYNAMIC_PRESSURES_PSF, PSF, pitch_points
-from flightbed.errors import ScenarioError
 from flightbed.flight_result import fly_plan
 from flightbed.fused import rows_of
 from flightbed.loop import fly
@@ -28,7 +29,6 @@ from flightbed.pull_up import PullUp, command_g, increment_g, pull_up
 from flightbed.scenario import load_scenario
 from flightbed.telemetry.comparing import write_comparison
 from flightbed.trace import Trace
-from flightbed.units import FT, G0
 from tests.telemetry.reading import series
 
 SCHEDULED = ("control.law=nz-scheduled",)

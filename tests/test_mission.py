@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 import flightbed
-from flightbed import data
-from flightbed.errors import AircraftError, NoTrimError, OutputError
+from flightbed.core import data
+from flightbed.core.errors import AircraftError, NoTrimError, OutputError
+from flightbed.core.units import DEG
 from flightbed.flight_result import Result
 from flightbed.mission import run
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.trace import read_trace
-from flightbed.units import DEG
 
 CONTRACT_COLUMNS = [
     "t_s",

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 
 from flightbed import registry
-from flightbed.air import standard_air
 from flightbed.control.base import Law
-from flightbed.errors import AircraftError, DesignError, ScenarioError
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.errors import AircraftError, DesignError, ScenarioError
+from flightbed.core.signals import Measurement
+from flightbed.core.units import DEG, FT
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.plan import plan
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario import load_scenario
-from flightbed.signals import Measurement
 from flightbed.trim import TrimPoint
-from flightbed.units import DEG, FT
 from tests.command_line import flightbed
 
 # override -> error message; estimators on the schedule use the absolute input

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flightbed import data, drawing, palette
+from flightbed import drawing, palette
+from flightbed.core import data
 from flightbed.document import Document, Listing, show
 from flightbed.figures import pictures
 from flightbed.flight_result import Result

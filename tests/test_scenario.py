@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flightbed import data, registry
+from flightbed import registry
 from flightbed.consistency import idle_keys
-from flightbed.errors import InputError, ScenarioError, UnknownNameError
+from flightbed.core import data
+from flightbed.core.errors import InputError, ScenarioError, UnknownNameError
 from flightbed.scenario import Scenario, load_scenario
 
 FILE = "scenarios/elevator-loss.toml"

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed.air import standard_air
 from flightbed.aircraft import Aircraft
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.units import DEG, FT
 from flightbed.estimation import pitch_model
 from flightbed.mission import run
 from flightbed.plant.airframe import JsbsimAirframe
@@ -17,7 +18,6 @@ from flightbed.scenario import load_scenario
 from flightbed.schedule import Schedule, build_schedule, load_schedule
 from flightbed.short_period import ShortPeriod, zero_order_hold
 from flightbed.trim import trim
-from flightbed.units import DEG, FT
 
 THROTTLE = 0.34
 
@@ -43,7 +43,7 @@ def test_air_is_the_standard_atmosphere() -> None:
         air = standard_air(geometric)
         assert air.pressure_pa == pytest.approx(pressure, rel=2e-5)
         assert air.sound_m_s == pytest.approx(sound, rel=1e-5)
-        assert pitch_model.air(geometric) == pytest.approx((air.pressure_pa, air.sound_m_s), rel=1e-12)
+        assert air(geometric) == pytest.approx((air.pressure_pa, air.sound_m_s), rel=1e-12)
 
 
 def test_residual_map_against_the_aircraft(rng: np.random.Generator, schedule: Schedule, f16: Aircraft) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightbed.sensors import SensorNoise, Sensors
-from flightbed.signals import Truth
+from flightbed.core.signals import SensorNoise, Truth
+from flightbed.sensors import Sensors
 
 TRUTH = Truth(*(0.01 * (i + 1) for i in range(len(Truth._fields))))
 

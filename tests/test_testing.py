@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from flightbed import assembly, registry, testing
-from flightbed.errors import ScenarioError
+from flightbed.core.errors import ScenarioError
+from flightbed.core.signals import Estimate, Measurement
 from flightbed.estimation.base import OnBoard
 from flightbed.loop import Flight
 from flightbed.plan import Plan
 from flightbed.settings import EstimatorSettings
-from flightbed.signals import Estimate, Measurement
 from flightbed.testing import ContractError, check_estimator
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flightbed.timing import differences, interleaved, ratios, seconds, spread
+from flightbed.core.timing import differences, interleaved, ratios, seconds, spread
 
 
 def test_ways_take_turns_every_second_round_backwards_and_warm_rounds_are_dropped() -> None:

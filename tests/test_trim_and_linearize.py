@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft import Aircraft
-from flightbed.errors import NoTrimError
+from flightbed.core.errors import NoTrimError
+from flightbed.core.units import DEG, FT
 from flightbed.linearize import LinearModel, linearize
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.plant.jsbsim import Fdm
 from flightbed.short_period import ShortPeriod, short_period, zero_order_hold
 from flightbed.trim import TrimPoint, trim
-from flightbed.units import DEG, FT
 
 # Level, away from the flap switches at alpha 5 and 15 deg and Mach 0.9, and from breakpoints: Mach 0.6, 0.7, 0.8, 0.9,
 # alpha 0 and 10.03 deg, and the engine's altitudes, whole 10,000 ft.

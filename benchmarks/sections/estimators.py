@@ -17,14 +17,14 @@ from measuring import Column, Effort, Table
 
 from flightbed import registry
 from flightbed.assembly import sensor_noise
+from flightbed.core.signals import Measurement
+from flightbed.core.timing import interleaved, ratios, seconds
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.mission import fly
 from flightbed.plan import Plan, plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import EstimatorSettings
-from flightbed.signals import Measurement
-from flightbed.timing import interleaved, ratios, seconds
 
 from .loop import ESTIMATORS, SCENARIO
 

@@ -13,9 +13,9 @@ from threading import Barrier
 
 from measuring import Column, Effort, Table, machine
 
+from flightbed.core.timing import interleaved, ratios, seconds
 from flightbed.ensemble import Job, fly_chunk, fly_jobs, processes
 from flightbed.scenario import Scenario, load_scenario
-from flightbed.timing import interleaved, ratios, seconds
 
 CASES = {"linear aircraft": "thesis-loss", "F-16": "elevator-loss"}
 

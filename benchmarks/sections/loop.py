@@ -16,14 +16,14 @@ from typing import Any
 from measuring import Column, Effort, Table
 
 from flightbed.assembly import assemble
+from flightbed.core.timing import differences, interleaved, ratios, seconds
+from flightbed.core.units import DEG
 from flightbed.flight_result import collected
 from flightbed.loop import Flight
 from flightbed.plan import Plan, plan
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.scenario import Scenario, load_scenario
-from flightbed.timing import differences, interleaved, ratios, seconds
 from flightbed.trace import Trace
-from flightbed.units import DEG
 
 SCENARIO = "elevator-loss"
 PLANT_HZ = (200, 100)

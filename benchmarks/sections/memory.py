@@ -13,7 +13,7 @@ from typing import Any
 
 from measuring import Column, Effort, Table, plain_shell
 
-from flightbed.timing import interleaved
+from flightbed.core.timing import interleaved
 
 from .loop import SCENARIO
 

@@ -14,18 +14,18 @@ from measuring import Column, Effort, Table
 
 from flightbed.assembly import assemble, sensor_noise
 from flightbed.bound import bound, schedule_models
+from flightbed.core.files import heap_set_aside
+from flightbed.core.timing import differences, interleaved, ratios, seconds
+from flightbed.core.units import DEG
 from flightbed.flight_result import Result, fly_plan
 from flightbed.folder import shown
 from flightbed.fused import rows_of
 from flightbed.metrics import measure as metrics_of
 from flightbed.mission import run
-from flightbed.pacing import heap_set_aside
 from flightbed.page import render
 from flightbed.report import run_report
 from flightbed.scenario import load_scenario
 from flightbed.telemetry.recording import write_recording
-from flightbed.timing import differences, interleaved, ratios, seconds
-from flightbed.units import DEG
 
 from .loop import SCENARIO, into_trace
 

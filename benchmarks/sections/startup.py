@@ -15,7 +15,7 @@ from pathlib import Path
 
 from measuring import Column, Effort, Table, plain_shell
 
-from flightbed.timing import interleaved, seconds
+from flightbed.core.timing import interleaved, seconds
 
 from .loop import SCENARIO
 

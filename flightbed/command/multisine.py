@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.command.base import ROUND_OFF_S, Command, Vector, relative_peak_factor
-from flightbed.command.harmonics import harmonics
+from flightbed.core.harmonics import harmonics
 
 _CURVATURES = (1.0, 1.5, 2.0)  # of the initial phases; a single start sometimes ends in a poor local minimum
 _NORMS = (4, 8, 16, 32, 64, 128, 256, 512)

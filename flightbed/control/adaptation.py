@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flightbed.compiling import compiled, plain
+from flightbed.core.compiled import compiled, plain
 
 
 @compiled

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flightbed.air import standard_air
-from flightbed.signals import Measurement
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.signals import Measurement
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from flightbed.signals import Measurement
+from flightbed.core.signals import Measurement
 
 
 class Law(Protocol):

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flightbed.control import placement
 from flightbed.control.base import Gains
-from flightbed.errors import DesignError
+from flightbed.core.errors import DesignError
 from flightbed.short_period import ShortPeriod, zero_order_hold
 
 Matrix = npt.NDArray[np.float64]

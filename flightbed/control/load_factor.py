@@ -15,11 +15,11 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.air import standard_air
 from flightbed.control import placement
-from flightbed.errors import DesignError
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.errors import DesignError
+from flightbed.core.signals import Measurement
 from flightbed.short_period import zero_order_hold
-from flightbed.signals import Measurement
 
 Array = npt.NDArray[np.float64]
 POLES = (complex(-4.0, 2.0), complex(-4.0, -2.0), complex(-10.0))  # rad/s, Kemp S 6.2

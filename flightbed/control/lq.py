@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.errors import DesignError
+from flightbed.core.errors import DesignError
 
 Array = npt.NDArray[np.float64]
 

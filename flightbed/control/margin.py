@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.control.lq import spectral_radius
-from flightbed.errors import DesignError
+from flightbed.core.errors import DesignError
 
 Array = npt.NDArray[np.float64]
 

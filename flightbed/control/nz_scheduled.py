@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import nan
 
 from flightbed.control.load_factor import GainTable, dynamic_pressure_pa, increment_g
-from flightbed.signals import Measurement
+from flightbed.core.signals import Measurement
 
 
 class NzScheduled:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from flightbed.compiling import compiled, plain
 from flightbed.control.base import Gains
-from flightbed.signals import Measurement
+from flightbed.core.compiled import compiled, plain
+from flightbed.core.signals import Measurement
 
 
 @compiled

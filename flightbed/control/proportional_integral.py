@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flightbed.control.base import Gains
 from flightbed.control.proportional import Proportional
-from flightbed.signals import Measurement
+from flightbed.core.signals import Measurement
 
 
 class ProportionalIntegral:

@@ -17,9 +17,9 @@ from flightbed.control.base import Gains
 from flightbed.control.lq import lq_gain
 from flightbed.control.proportional import Proportional
 from flightbed.control.roll_yaw import RollYaw
-from flightbed.errors import DesignError
+from flightbed.core.errors import DesignError
+from flightbed.core.signals import Estimate, Measurement
 from flightbed.short_period import ShortPeriod, zero_order_hold
-from flightbed.signals import Estimate, Measurement
 
 _BUMP_S = 0.2
 

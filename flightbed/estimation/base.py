@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from flightbed.aircraft import Actuator
+from flightbed.core.actuator import Actuator
+from flightbed.core.estimate_names import estimate_name
+from flightbed.core.signals import Estimate, LateralMeasurement, LateralNoise, Measurement, SensorNoise
 from flightbed.lateral_directional import LateralDirectional
-from flightbed.naming import estimate_name
 from flightbed.schedule import Schedule
-from flightbed.sensors import LateralNoise, SensorNoise
 from flightbed.short_period import ShortPeriod
-from flightbed.signals import Estimate, LateralMeasurement, Measurement
 
 
 class Estimator(Protocol):

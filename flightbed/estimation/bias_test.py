@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightbed.compiling import Array
+from flightbed.core.compiled import Array
 
 
 def chi_square_threshold(window: int, false_alarm: float) -> float:

@@ -24,9 +24,9 @@ from math import sqrt
 
 import numpy as np
 
-from flightbed.compiling import Array
+from flightbed.core.compiled import Array
+from flightbed.core.units import DEG
 from flightbed.estimation.following_kernels import MARKS, RATIO, SMOOTHED, STAGGERED, Following
-from flightbed.units import DEG
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightbed.compiling import Array, compiled
+from flightbed.core.compiled import Array, compiled
 
 STAGGERED = 3  # number of overlapping windows, with staggered starts
 OUT = 2  # index of u^ in the filter's state, after the errors of alpha and q

@@ -20,15 +20,15 @@ from math import isfinite, nan
 
 import numpy as np
 
-from flightbed.compiling import Array
+from flightbed.core.compiled import Array
+from flightbed.core.signals import Estimate, Measurement
+from flightbed.core.units import DEG
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.input_model import InputModel
 from flightbed.estimation.input_observer import InputKalmanFilter, random_walk
 from flightbed.estimation.reconstruction import FAR, PitchMotion
 from flightbed.estimation.reconstruction_methods import NOTHING, RetrospectiveSettings, WalkSettings
 from flightbed.estimation.retrospective_cost import RetrospectiveCost
-from flightbed.signals import Estimate, Measurement
-from flightbed.units import DEG
 
 
 @dataclass(frozen=True)

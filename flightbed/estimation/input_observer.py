@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.compiling import compiled
+from flightbed.core.compiled import compiled
 from flightbed.estimation.input_model import InputModel
 
 Array = npt.NDArray[np.float64]

@@ -6,7 +6,7 @@ measured states, use ``kernels.step``, which gives bit-identical results.
 
 from __future__ import annotations
 
-from flightbed.compiling import Array, compiled
+from flightbed.core.compiled import Array, compiled
 
 
 @compiled

@@ -10,7 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from flightbed.compiling import Array, compiled
+from flightbed.core.compiled import Array, compiled
 
 TickResult = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float

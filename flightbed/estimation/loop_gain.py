@@ -7,12 +7,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from flightbed.compiling import Array, compiled
+from flightbed.core.compiled import Array, compiled
+from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
+from flightbed.core.units import DEG
 from flightbed.estimation import kernels, pitch_model
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.kernels import TickResult
-from flightbed.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
-from flightbed.units import DEG
 
 _new = tuple.__new__
 _BEGIN = MappingProxyType({"fixed": kernels.FIXED, "measurement": kernels.ANCHORED, "corrected": kernels.CORRECTED})

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from math import cos, exp, pi, sin, sqrt
+from math import cos, pi, sin
 
 import numpy as np
 
-from flightbed.compiling import Array, compiled
+from flightbed.core.atmosphere import air
+from flightbed.core.compiled import Array, compiled
+from flightbed.core.units import G0
 from flightbed.estimation.kernels import TickResult
 from flightbed.estimation.kernels import tick as advance
-from flightbed.units import G0
 
 
 @compiled
@@ -26,16 +27,6 @@ def cell(nodes: Array, at: int, count: int, value: float) -> tuple[int, float]:
         else:
             high = middle
     return low, (value - nodes[at + low]) / (nodes[at + low + 1] - nodes[at + low])
-
-
-@compiled
-def air(altitude_m: float) -> tuple[float, float]:
-    """Return standard pressure, Pa, and speed of sound, m/s; as ``flightbed.air``, compiled."""
-    height = 6356766.0 * altitude_m / (6356766.0 + altitude_m)
-    low = min(height, 11000.0)
-    temperature = 288.15 - 0.0065 * low
-    pressure = 101325.0 * (temperature / 288.15) ** (9.80665 / 287.05287 / 0.0065)
-    return pressure * exp(-9.80665 / 287.05287 * (height - low) / temperature), sqrt(1.4 * 287.05287 * temperature)
 
 
 @compiled

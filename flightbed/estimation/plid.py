@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.compiling import compiled
+from flightbed.core.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 Stored = npt.NDArray[np.floating[Any]]  # float64 or float32, as configured

@@ -17,11 +17,11 @@ from typing import Literal
 
 import numpy as np
 
-from flightbed.compiling import Array
+from flightbed.core.compiled import Array
+from flightbed.core.signals import Estimate, Measurement
 from flightbed.estimation import pitch_model
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.plid import CONVENTIONAL, Form, Plid, PlidConfig, Tracking
-from flightbed.signals import Estimate, Measurement
 
 _NOTHING = np.zeros((1, 2))
 

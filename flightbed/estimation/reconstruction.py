@@ -18,9 +18,11 @@ from math import isfinite, nan
 
 import numpy as np
 
-from flightbed.compiling import Array
+from flightbed.core.actuator import ActuatorOnBoard
+from flightbed.core.compiled import Array
+from flightbed.core.signals import Estimate, Measurement
+from flightbed.core.units import DEG
 from flightbed.estimation import following, kernels, pitch_model
-from flightbed.estimation.actuator import ActuatorOnBoard
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.following import FollowingConfig
 from flightbed.estimation.following_kernels import ALARMS, follow, restart
@@ -32,8 +34,6 @@ from flightbed.estimation.reconstruction_methods import (
     RetrospectiveSettings,
     WalkSettings,
 )
-from flightbed.signals import Estimate, Measurement
-from flightbed.units import DEG
 
 FAR = 1e4  # innovation, in standard deviations, beyond which the method restarts from the readings
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.compiling import compiled
+from flightbed.core.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

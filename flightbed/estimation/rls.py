@@ -16,11 +16,11 @@ from math import nan, sqrt
 
 import numpy as np
 
-from flightbed.compiling import Array, compiled
+from flightbed.core.compiled import Array, compiled
+from flightbed.core.signals import Estimate, Measurement
 from flightbed.estimation import pitch_model
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.kernels import TickResult
-from flightbed.signals import Estimate, Measurement
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.compiling import compiled
+from flightbed.core.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 

@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightbed.compiling import Array, compiled
+from flightbed.core.compiled import Array, compiled
+from flightbed.core.signals import SURFACES, Estimate, LateralMeasurement, Measurement
+from flightbed.core.units import DEG
 from flightbed.estimation import pitch_model, surfaces_model
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.bias_test import chi_square_threshold
 from flightbed.estimation.two_stage import Forgetting, correct, predict
-from flightbed.signals import SURFACES, Estimate, LateralMeasurement, Measurement
-from flightbed.units import DEG
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from math import cos, sin, tan
 
-from flightbed.compiling import Array, compiled
-from flightbed.estimation.pitch_model import air, cell, rates
-from flightbed.units import G0
+from flightbed.core.atmosphere import air
+from flightbed.core.compiled import Array, compiled
+from flightbed.core.units import G0
+from flightbed.estimation.pitch_model import cell, rates
 
 
 @compiled

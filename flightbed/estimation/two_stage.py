@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightbed.compiling import Array, compiled
+from flightbed.core.compiled import Array, compiled
 
 
 @dataclass(frozen=True)

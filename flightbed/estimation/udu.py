@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flightbed.compiling import compiled
+from flightbed.core.compiled import compiled
 from flightbed.estimation.plid import Array, Form, Stored
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from flightbed.core.signals import Health
 from flightbed.failures.base import HealthHistory
-from flightbed.signals import Health
 
 
 def cg_shift(before: HealthHistory, *, shift_cbar: float, at_tick: int) -> HealthHistory:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from flightbed.signals import HEALTHY, Health
+from flightbed.core.signals import HEALTHY, Health
 
 HealthHistory = Callable[[int], Health]
 

@@ -7,8 +7,8 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
+from flightbed.core.signals import HEALTHY, SURFACES, Health
 from flightbed.failures.base import HealthHistory
-from flightbed.signals import HEALTHY, SURFACES, Health
 
 # Surface -> the fields of Health that hold its effectiveness.
 _SHARES: Mapping[str, tuple[str, ...]] = MappingProxyType(

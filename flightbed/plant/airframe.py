@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.aircraft import Aircraft
-from flightbed.errors import AircraftError, InputError
+from flightbed.core.errors import AircraftError, InputError
+from flightbed.core.units import DEG, FT, KT, LBF
 from flightbed.plant.base import Controls, Input, Motion, Rates, Response
 from flightbed.plant.jsbsim import Fdm, kinks
 from flightbed.stock import StockAircraft
-from flightbed.units import DEG, FT, KT, LBF
 
 _RESPONSE = (
     "accelerations/udot-ft_sec2", "accelerations/vdot-ft_sec2", "accelerations/wdot-ft_sec2",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import cos, sin
 from typing import NamedTuple, Protocol
 
-from flightbed.signals import HEALTHY, Health, LateralTruth, Truth
+from flightbed.core.signals import HEALTHY, Health, LateralTruth, Truth
 
 
 class Plant(Protocol):

@@ -21,10 +21,10 @@ os.environ.setdefault("JSBSIM_DEBUG", "0")  # before the import: the banner is p
 
 import jsbsim
 
-from flightbed.errors import AircraftError, UnknownNameError
+from flightbed.core.errors import AircraftError, UnknownNameError
+from flightbed.core.units import FT, INCH, LB
 from flightbed.stock import StockAircraft, engine_names, read_stock, references
 from flightbed.tables import breakpoints
-from flightbed.units import FT, INCH, LB
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
 _REFERENCE = "metrics/aero-rp-x-in"  # reference point of the aerodynamic moments

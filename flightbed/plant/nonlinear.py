@@ -8,12 +8,12 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from flightbed.aircraft import Aircraft
+from flightbed.core.signals import HEALTHY, Health, LateralTruth, Truth
+from flightbed.core.units import FT
 from flightbed.gusts import Gusts, calm
 from flightbed.plant.jsbsim import Fdm
 from flightbed.plant.properties import LATERAL, READ, plain_fields
 from flightbed.plant.surfaces import Surface
-from flightbed.signals import HEALTHY, Health, LateralTruth, Truth
-from flightbed.units import FT
 
 _new = tuple.__new__
 _NEGLIGIBLE_WIND_FPS = 1e-6

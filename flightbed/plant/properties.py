@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import pi
 
-from flightbed.compiling import compiled, plain
-from flightbed.units import FT, LBF
+from flightbed.core.compiled import compiled, plain
+from flightbed.core.units import FT, LBF
 
 # One property per field of Truth up to nz_g, then the forces; the elevator comes last, its property is named by the aircraft.
 READ = (

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from math import isnan
 from typing import TYPE_CHECKING
 
-from flightbed.aircraft import Actuator
-from flightbed.signals import NO_FAULT, Fault
+from flightbed.core.actuator import Actuator
+from flightbed.core.signals import NO_FAULT, Fault
 
 if TYPE_CHECKING:
     from flightbed.plant.jsbsim import Fdm

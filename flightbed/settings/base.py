@@ -18,7 +18,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from flightbed import registry
-from flightbed.errors import did_you_mean
+from flightbed.core.errors import did_you_mean
 from flightbed.options import Options, is_option
 
 

@@ -10,9 +10,9 @@ import tomli_w
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from flightbed.core.units import DEG
 from flightbed.settings.base import Identifier, NonNegative, OwnSettings, Positive, Settings, Share, between, registered
 from flightbed.settings.load_factor import Autothrottle, Identification
-from flightbed.units import DEG
 
 LOAD_FACTOR_LAWS = ("nz-adaptive", "nz-scheduled")  # commanded in g
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from flightbed.core.files import FolderKind, to_json, write_folder
 from flightbed.document import Document
-from flightbed.folder import FolderKind, to_json, write_folder
 from flightbed.page import render
 
 STUDY = FolderKind("study", frozenset({"report.html", "results.json"}))

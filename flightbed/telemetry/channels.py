@@ -9,10 +9,10 @@ from math import ceil, floor, log10
 import numpy as np
 
 from flightbed import palette
-from flightbed.naming import estimate_name, numbered, of_surface
+from flightbed.core.estimate_names import estimate_name, numbered, of_surface
+from flightbed.core.units import unit_of
 from flightbed.statistics import chi_square_bound
 from flightbed.trace import ACTING, GUST_ALPHA, Trace, Vector, true_share
-from flightbed.units import unit_of
 
 OVERVIEW, ESTIMATORS, AIRFRAME, ROLL_YAW = "Overview", "Estimators", "Airframe", "Roll and yaw"
 _LOWEST = 1e-4  # lower limit of sigma on a logarithmic axis

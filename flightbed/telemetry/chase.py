@@ -9,11 +9,11 @@ import numpy.typing as npt
 import rerun as rr
 
 from flightbed import palette
-from flightbed.naming import estimate_name
+from flightbed.core.estimate_names import estimate_name
+from flightbed.core.units import DEG, FT
 from flightbed.telemetry import mesh
 from flightbed.telemetry.layout import TIMELINE
 from flightbed.trace import Trace, true_share
-from flightbed.units import DEG, FT
 
 Vector = npt.NDArray[np.float64]
 _TRAIL_TICKS = 10  # length of one piece of the trail

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed import palette
-from flightbed.aircraft import Actuator
+from flightbed.core.actuator import Actuator
+from flightbed.core.estimate_names import estimate_name
+from flightbed.core.units import DEG
 from flightbed.metrics import at_stop
-from flightbed.naming import estimate_name
 from flightbed.trace import Trace, true_share
-from flightbed.units import DEG
 
 _SATURATION = {"elevator": "saturation", "aileron": "saturation_aileron", "rudder": "saturation_rudder"}
 _NEAR = 0.99  # share of the rate limit: the mean rate over a tick that starts at the limit is below the limit

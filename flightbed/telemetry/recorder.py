@@ -9,7 +9,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from flightbed import palette
-from flightbed.naming import numbered
+from flightbed.core.estimate_names import numbered
 from flightbed.telemetry.channels import Plot
 from flightbed.telemetry.chase import Aircraft, set_time, time_of
 from flightbed.telemetry.modes import lanes, states

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import rerun as rr
 
-from flightbed.errors import OutputError
+from flightbed.core.errors import OutputError
 from flightbed.telemetry import layout
 from flightbed.telemetry.channels import with_room
 from flightbed.telemetry.recorder import Recorder

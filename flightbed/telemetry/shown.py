@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, NamedTuple
 
-from flightbed.aircraft import Actuator
 from flightbed.card import plan_card
 from flightbed.consistency import ACTUATOR_FAILURES, detectors, estimates
+from flightbed.core.actuator import Actuator
+from flightbed.core.units import DEG
 from flightbed.event_log import planned_events
 from flightbed.factories import failure_tick
 from flightbed.plan import Plan
 from flightbed.telemetry.channels import Plot, plots
 from flightbed.trace import Trace
-from flightbed.units import DEG
 
 
 class Event(NamedTuple):

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import rerun as rr
 
-from flightbed.errors import FlightbedError
+from flightbed.core.errors import FlightbedError
 from flightbed.event_log import seen_events
 from flightbed.excitation import WINDOW_S, with_excitation
 from flightbed.live import FLIGHT, HEADER, HOST, RESULT, ROWS

@@ -13,9 +13,9 @@ from pathlib import Path
 from socket import create_connection, create_server
 from typing import Any
 
-from flightbed.errors import InputError, NotComputableError, OutputError
+from flightbed.core.errors import InputError, NotComputableError, OutputError
+from flightbed.core.files import write_atomic
 from flightbed.live import HOST
-from flightbed.model_files import write_atomic
 from flightbed.telemetry.layout import TIMELINE
 
 _SETTLING_S = 1.5  # time for the views to draw received data

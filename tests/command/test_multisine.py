@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from flightbed.command.base import Vector, relative_peak_factor
-from flightbed.command.harmonics import harmonics
 from flightbed.command.multisine import flat_phases, multisine, one_period, schroeder_phases
+from flightbed.core.harmonics import harmonics
 
 ROOT = Path(__file__).resolve().parents[2]
 

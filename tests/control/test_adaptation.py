@@ -7,8 +7,8 @@ import pytest
 
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.design import closed_loop, default_poles, design_proportional, peak_deflection
+from flightbed.core.units import DEG
 from flightbed.short_period import ShortPeriod
-from flightbed.units import DEG
 
 
 def _adaptation(*, caution: float = 0.0, trim_rad: float = 0.0, peak_per_reference: float | None = None) -> Adaptation:

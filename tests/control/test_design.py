@@ -19,7 +19,7 @@ from flightbed.control.design import (
     design_proportional,
     reference_gain,
 )
-from flightbed.errors import DesignError
+from flightbed.core.errors import DesignError
 from flightbed.short_period import ShortPeriod
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "sillence.toml").read_text())

@@ -8,7 +8,7 @@ from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Gains
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
-from flightbed.signals import Measurement
+from flightbed.core.signals import Measurement
 
 GAINS = Gains(alpha=0.5, q=0.4, elevator=-0.2, reference=-1.5, integral=-3.0)
 AT_TRIM = Measurement(alpha_rad=0.1, q_rad_s=0.0, elevator_rad=-0.02, elevator_mean_rad=-0.02)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dimpulse
 
-from flightbed.air import standard_air
 from flightbed.control.ackermann import AckermannConfig, IntegralPlacement
 from flightbed.control.autothrottle import Autothrottle
 from flightbed.control.load_factor import (
@@ -27,13 +26,14 @@ from flightbed.control.load_factor import (
 )
 from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, rest_state
 from flightbed.control.nz_scheduled import NzScheduled
-from flightbed.errors import DesignError
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.errors import DesignError
+from flightbed.core.signals import Measurement
+from flightbed.core.units import DEG
 from flightbed.estimation.plid import PlidConfig, Tracking
 from flightbed.estimation.udu import FACTORED
 from flightbed.kemp_factories import nz_adaptive
 from flightbed.settings import Control, Identification
-from flightbed.signals import Measurement
-from flightbed.units import DEG
 
 POINT = PitchPoint(
     14000.0, np.array([[-1.0, 0.906], [0.63, -1.04]]), np.array([0.051, -9.14]), np.array([15.2, 1.44]), -0.79

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flightbed.control.lq import LqConfig, LqServo, lq_gain, offset_weights, redesign, regulator, spectral_radius
-from flightbed.errors import DesignError
+from flightbed.core.errors import DesignError
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

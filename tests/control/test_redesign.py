@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from flightbed.control.redesign import PitchWeights, Redesign, RedesignedPitch, pitch_lq
-from flightbed.errors import ScenarioError
+from flightbed.core.errors import ScenarioError
+from flightbed.core.signals import Estimate, Measurement
+from flightbed.core.units import DEG
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
 from flightbed.short_period import ShortPeriod
-from flightbed.signals import Estimate, Measurement
-from flightbed.units import DEG
 
 WEIGHTS = PitchWeights(3.0 * DEG, 3.0 * DEG, 3.0 * DEG)
 Q, R = np.diag([(3.0 * DEG) ** -2, (3.0 * DEG) ** -2, 0.0]), np.array([[(3.0 * DEG) ** -2]])

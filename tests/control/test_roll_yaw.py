@@ -10,14 +10,14 @@ from flightbed.aircraft import Aircraft
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.lq import spectral_radius
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
-from flightbed.errors import DesignError
+from flightbed.core.errors import DesignError
+from flightbed.core.signals import LateralMeasurement
+from flightbed.core.units import DEG, FT
 from flightbed.lateral_directional import LateralDirectional, lateral_directional
 from flightbed.linearize import linearize
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.short_period import zero_order_hold
-from flightbed.signals import LateralMeasurement
 from flightbed.trim import trim
-from flightbed.units import DEG, FT
 
 HZ = 100
 WEIGHTS = RollYawWeights(2 * DEG, 20 * DEG, 10 * DEG, 10 * DEG, 10 * DEG)

@@ -9,6 +9,8 @@ import pytest
 from scipy.signal import freqz, lfilter, ss2tf
 
 from flightbed.assembly import sensor_noise
+from flightbed.core.signals import Estimate, Measurement, SensorNoise
+from flightbed.core.units import DEG
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.plid import CONVENTIONAL, Form
 from flightbed.estimation.plid_effectiveness import (
@@ -22,11 +24,8 @@ from flightbed.estimation.udu import FACTORED
 from flightbed.flight_result import fly_plan
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
-from flightbed.sensors import SensorNoise
 from flightbed.short_period import ShortPeriod
-from flightbed.signals import Estimate, Measurement
 from flightbed.trial import readings_of_flights
-from flightbed.units import DEG
 
 SILENT, NOISY = SensorNoise(0.03 * DEG, 1e-7 * DEG), SensorNoise(0.03 * DEG, 0.1108 * DEG)
 

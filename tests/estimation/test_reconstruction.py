@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from flightbed import registry
-from flightbed.aircraft import Actuator
 from flightbed.assembly import assemble, sensor_noise
 from flightbed.consistency import idle_keys
-from flightbed.errors import ScenarioError
-from flightbed.estimation.actuator import ActuatorOnBoard
+from flightbed.core.actuator import Actuator, ActuatorOnBoard
+from flightbed.core.errors import ScenarioError
+from flightbed.core.signals import Measurement
+from flightbed.core.units import DEG
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.following_kernels import ACTUATOR, OFFSET, STAGGERED
 from flightbed.estimation.reconstruction import ElevatorReconstruction, ReconstructionConfig
@@ -24,9 +25,7 @@ from flightbed.mission import run
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
-from flightbed.signals import Measurement
 from flightbed.trace import Trace, collect, read_trace
-from flightbed.units import DEG
 from tests.lateral_flight import rolling
 
 NAMES = ("retrospective", "random-walk")

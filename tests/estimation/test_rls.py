@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear, lfilter
 
+from flightbed.core.signals import Measurement, SensorNoise
+from flightbed.core.units import DEG
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
-from flightbed.sensors import SensorNoise
 from flightbed.short_period import ShortPeriod
-from flightbed.signals import Measurement
-from flightbed.units import DEG
 
 NOISE = SensorNoise(0.03 * DEG, 0.1108 * DEG)
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from flightbed.assembly import assemble
-from flightbed.errors import ScenarioError
+from flightbed.core.errors import ScenarioError
+from flightbed.core.units import DEG, FT
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.bias_test import BiasTest, BiasTestConfig, chi_square_threshold
 from flightbed.estimation.surfaces import SurfacesConfig, _Filter
@@ -29,7 +30,6 @@ from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario import load_scenario
 from flightbed.trace import Trace
-from flightbed.units import DEG, FT
 
 SURFACES = {"elevator": "two-stage", "aileron": "two-stage.aileron", "rudder": "two-stage.rudder"}
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flightbed.core.signals import HEALTHY, NO_FAULT, SURFACES, Fault, Health
 from flightbed.failures.airframe import cg_shift
 from flightbed.failures.base import HealthHistory, healthy
 from flightbed.failures.effector import (
@@ -22,7 +23,6 @@ from flightbed.failures.effector import (
     structural_damage,
     stuck,
 )
-from flightbed.signals import HEALTHY, NO_FAULT, SURFACES, Fault, Health
 
 
 @given(at=st.integers(0, 1000), to=st.floats(0, 1), tick=st.integers(0, 2000))

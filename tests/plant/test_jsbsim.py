@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft import Aircraft
-from flightbed.errors import AircraftError
+from flightbed.core.errors import AircraftError
+from flightbed.core.signals import HEALTHY, Health
+from flightbed.core.units import DEG, FT, G0, LBF
 from flightbed.gusts import calm, one_minus_cosine
 from flightbed.linearize import linearize
 from flightbed.plant.airframe import JsbsimAirframe
@@ -18,9 +20,7 @@ from flightbed.plant.jsbsim import Fdm
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
 from flightbed.short_period import short_period
-from flightbed.signals import HEALTHY, Health
 from flightbed.trim import TrimPoint, trim
-from flightbed.units import DEG, FT, G0, LBF
 
 ALTITUDE = 20000 * FT
 

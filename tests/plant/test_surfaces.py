@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft import Aircraft
+from flightbed.core.signals import HEALTHY, SURFACES, Health, LateralTruth, Truth
+from flightbed.core.units import DEG, FT
 from flightbed.failures.base import HealthHistory, healthy
 from flightbed.failures.effector import bias, effectiveness_loss, floating, hardover, rate_limited, stuck
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.jsbsim import Fdm
 from flightbed.plant.nonlinear import JsbsimPlant, Start
-from flightbed.signals import HEALTHY, SURFACES, Health, LateralTruth, Truth
 from flightbed.trim import TrimPoint, trim
-from flightbed.units import DEG, FT
 from tests.test_aircraft import LOADS, POINTS, _settle, _stock
 
 ALTITUDE = 20000 * FT

@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 
 from flightbed import cli, registry, using
+from flightbed.core.errors import InputError
 from flightbed.document import Section
 from flightbed.engine import DEATHS, Opener, opener
 from flightbed.ensemble import Job, fly_jobs
-from flightbed.errors import InputError
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.studies.base import Study, Trials, keyed, reproduce, run_trials
 from tests import dask_cluster

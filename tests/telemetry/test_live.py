@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from flightbed import live as live_module
-from flightbed.errors import InputError
+from flightbed.core.errors import InputError
 from flightbed.flight_result import Result
 from flightbed.live import Live, address
 from flightbed.mission import run

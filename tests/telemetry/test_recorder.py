@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from flightbed import data
-from flightbed.errors import OutputError
+from flightbed.core import data
+from flightbed.core.errors import OutputError
+from flightbed.core.signals import Sample
+from flightbed.core.units import DEG, FT
 from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.live import Live
 from flightbed.mission import run
 from flightbed.scenario import Scenario, load_scenario
-from flightbed.signals import Sample
 from flightbed.telemetry import mesh
 from flightbed.telemetry.channels import with_room
 from flightbed.telemetry.chase import quaternions
 from flightbed.telemetry.recording import write_recording
 from flightbed.telemetry.shown import FlightInfo
 from flightbed.trace import row_packer
-from flightbed.units import DEG, FT
 from tests.flights import ShippedFlight
 from tests.lateral_flight import rolling
 from tests.telemetry.reading import rerun, series, static_text

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flightbed import palette
-from flightbed.errors import InputError, OutputError
+from flightbed.core.errors import InputError, OutputError
 from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.mission import run

@@ -13,10 +13,10 @@ from cells import likely
 from flightbed import registry
 from flightbed.command.base import Vector, energy, profile, relative_peak_factor
 from flightbed.command.multisine import flat_phases, one_period, schroeder_phases
+from flightbed.core.units import DEG
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
 from flightbed.settings import Command
-from flightbed.units import DEG
 
 HZ = 100
 KINDS = ("constant", "doublet", "3-2-1-1", "chirp", "multisine", "random")

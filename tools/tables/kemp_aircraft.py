@@ -24,6 +24,7 @@ import numpy as np
 from flightbed.aircraft import Aircraft
 from flightbed.assembly import assemble
 from flightbed.campaign import fly
+from flightbed.core.units import DEG, FT
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.loop import fly as samples_of
 from flightbed.plan import plan
@@ -31,7 +32,6 @@ from flightbed.pull_up import COLUMNS, PullUp, command_g, first_pulse, increment
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
 from flightbed.statistics import median_interval, share
-from flightbed.units import DEG, FT
 
 # Of the thesis: first guess and variances of the listing of D, gains at once.
 THESIS = (

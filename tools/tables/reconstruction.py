@@ -26,6 +26,7 @@ import numpy as np
 from cells import likely
 
 from flightbed.assembly import assemble
+from flightbed.core.timing import spread
 from flightbed.document import show
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.estimation.base import Commanded, SurfacesEstimator
@@ -34,7 +35,6 @@ from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
 from flightbed.statistics import median_interval, share
-from flightbed.timing import spread
 
 NAMES = ("retrospective", "random-walk")
 KINDS = ("retrospective-cost", "input-kalman")

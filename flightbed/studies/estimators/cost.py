@@ -7,13 +7,13 @@ from collections.abc import Callable
 from functools import partial
 
 from flightbed.assembly import assemble
+from flightbed.core.signals import Sample
+from flightbed.core.timing import interleaved, seconds
 from flightbed.estimation.base import Commanded
 from flightbed.extension import Extension, Packed, carried
 from flightbed.loop import fly, updater
 from flightbed.plan import Plan, plan
 from flightbed.settings import Scenario
-from flightbed.signals import Sample
-from flightbed.timing import interleaved, seconds
 
 
 def costs_us(scenario: Scenario, rounds: int) -> dict[str, list[float]]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flightbed.assembly import assemble
-from flightbed.errors import FlightbedError
+from flightbed.core.errors import FlightbedError
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario

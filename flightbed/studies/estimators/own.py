@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flightbed.errors import InputError, ScenarioError
+from flightbed.core.errors import InputError, ScenarioError
 from flightbed.registry import in_use, summary
 from flightbed.scenario import frozen, problems, read_toml
 from flightbed.settings import EstimatorSettings, ValidationError

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.air import standard_air
+from flightbed.core.atmosphere import standard_air
+from flightbed.core.units import FT, G0
 from flightbed.estimation.input_model import InputModel
 from flightbed.short_period import zero_order_hold
 from flightbed.studies.gupta import printed
-from flightbed.units import FT, G0
 
 Array = npt.NDArray[np.float64]
 

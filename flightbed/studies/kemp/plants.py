@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.compiling import compiled
+from flightbed.core.compiled import compiled
 from flightbed.studies.kemp import printed
 
 Array = npt.NDArray[np.float64]

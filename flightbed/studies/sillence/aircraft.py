@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flightbed import data, drawing
+from flightbed import drawing
+from flightbed.core import data
 from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job, histories
 from flightbed.scenario import Scenario, load_scenario

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
+from flightbed.core.units import DEG
 from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.estimation.record import batch_estimate, estimate_record
@@ -19,7 +20,6 @@ from flightbed.short_period import zero_order_hold
 from flightbed.studies.base import Flights, Part
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.setup import thesis
-from flightbed.units import DEG
 
 Array = npt.NDArray[np.float64]
 

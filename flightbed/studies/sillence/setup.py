@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightbed import data
+from flightbed.core import data
 from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.scenario import Scenario, load_scenario

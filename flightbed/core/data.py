@@ -6,9 +6,9 @@ import errno
 from collections.abc import Iterator
 from pathlib import Path
 
-from flightbed.errors import InputError, UnknownNameError
+from flightbed.core.errors import InputError, UnknownNameError
 
-_PACKAGE = Path(__file__).resolve().parent
+_PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def shipped(kind: str) -> Path:

@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import nan
 
 import numpy as np
 
-from flightbed.aircraft import Actuator
+
+@dataclass(frozen=True)
+class Actuator:
+    """A first-order lag with rate and position limits.
+
+    Attributes:
+        lag_rad_s: bandwidth of the lag, rad/s.
+        rate_limit_rad_s: largest rate, rad/s.
+        min_rad, max_rad: position limits, rad.
+
+    """
+
+    lag_rad_s: float
+    rate_limit_rad_s: float
+    min_rad: float
+    max_rad: float
 
 
 class ActuatorOnBoard:

@@ -8,6 +8,7 @@ They are named tuples, not dataclasses: equally immutable and faster to create; 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import nan
 from typing import NamedTuple
 
@@ -246,3 +247,28 @@ class Sample(NamedTuple):
     elevator_cmd_rad: float
     lateral: LateralSample | None = None
     load_factor: LoadFactorSample | None = None
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Standard deviations of white Gaussian noise, one draw per tick. In order: rad, rad/s, rad, 1, m, rad, rad, g."""
+
+    alpha_rad: float
+    q_rad_s: float
+    elevator_rad: float = 0.0
+    mach: float = 0.0
+    altitude_m: float = 0.0
+    theta_rad: float = 0.0
+    phi_rad: float = 0.0
+    nz_g: float = 0.0
+
+
+@dataclass(frozen=True)
+class LateralNoise:
+    """Standard deviations of white Gaussian noise, one draw per tick. In order: rad, rad/s, rad/s, rad, rad."""
+
+    beta_rad: float
+    p_rad_s: float
+    r_rad_s: float
+    aileron_rad: float = 0.0
+    rudder_rad: float = 0.0
