@@ -15,8 +15,8 @@ from flightbed.core.estimate_names import numbered
 from flightbed.document import Picture, Section
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.figures import MARGIN, mark_changes
-from flightbed.percentiles import PERCENTILES, Ensemble
 from flightbed.programme import SHOWN, few
+from flightbed.statistics.histories import PERCENTILES, Ensemble
 from flightbed.trace import true_share
 
 if TYPE_CHECKING:

@@ -15,10 +15,10 @@ from flightbed.core.errors import FlightbedError
 from flightbed.engine import CHUNK, DEATHS
 from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.flight_result import fly_plan
-from flightbed.percentiles import SAMPLE, Part, add_all
 from flightbed.plan import Plan, plan
 from flightbed.programme import Flight, Programme, flight_hash, scenario_of
 from flightbed.settings import Scenario
+from flightbed.statistics.histories import SAMPLE, Part, add_all
 from flightbed.trace import true_share
 
 HISTORIES = (

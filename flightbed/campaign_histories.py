@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from flightbed.core.files import put_whole
 from flightbed.engine import CHUNK
-from flightbed.moments import Moments, within
-from flightbed.percentiles import Arrays, Ensemble, Part, add_all
 from flightbed.programme import Programme
+from flightbed.statistics.histories import Arrays, Ensemble, Part, add_all
+from flightbed.statistics.moments import Moments, within
 
 Parts = Mapping[int, Part]
 

@@ -10,7 +10,7 @@ from flightbed.campaign_summary import CampaignSummary, QuantitySummary, ShareSu
 from flightbed.card import correction
 from flightbed.document import Cell, Section, Table, show
 from flightbed.event_log import failures, gusts
-from flightbed.statistics import Interval
+from flightbed.statistics.intervals import Interval
 
 
 def headline(summary: CampaignSummary) -> str:

@@ -13,9 +13,9 @@ from flightbed.core.estimate_names import numbered
 from flightbed.document import Picture
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.figures import MARGIN, mark_changes
-from flightbed.percentiles import PERCENTILES, Ensemble
 from flightbed.programme import MOST_REMEMBERED, SHOWN, few, values_of
 from flightbed.settings import Scenario
+from flightbed.statistics.histories import PERCENTILES, Ensemble
 from flightbed.trace import true_share
 
 _ACROSS = 3  # small figures per row, where the grid does not define it

@@ -15,7 +15,7 @@ from flightbed.campaign_summary import CampaignSummary, FlightsSummary, ShareSum
 from flightbed.document import Cell, Picture, Section, Table, show
 from flightbed.programme import values_of
 from flightbed.settings import AxisSettings, Criterion
-from flightbed.statistics import Interval
+from flightbed.statistics.intervals import Interval
 
 _MOST = 200  # points in the table of the page; summary.json has all
 _LABELLED = 150  # cells of a heat map with a legible number in each

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from flightbed import drawing, palette
-from flightbed.bootstrap import FEWEST, FEWEST_OF_PERCENTILE, RESAMPLES
 from flightbed.campaign_ensembles import histories_sections
 from flightbed.campaign_lead import flight_label, lead, median_cell
 from flightbed.campaign_points import points_section
@@ -22,7 +21,8 @@ from flightbed.figures import pictures
 from flightbed.flight_result import Result
 from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.report import ESTIMATOR_METRICS, rerun_command
-from flightbed.statistics import Interval
+from flightbed.statistics.bootstrap import FEWEST, FEWEST_OF_PERCENTILE, RESAMPLES
+from flightbed.statistics.intervals import Interval
 
 Line = tuple[str, str, list[float]]  # name, colour, values
 

@@ -10,9 +10,9 @@ from flightbed.campaign_summary import CampaignSummary, summarize_campaign
 from flightbed.campaign_table import Quantity, Row, followed, quantity
 from flightbed.consistency import detectors, estimates
 from flightbed.flight_result import Result
-from flightbed.percentiles import Ensemble
 from flightbed.programme import Programme
 from flightbed.settings import Scenario
+from flightbed.statistics.histories import Ensemble
 
 
 @dataclass(frozen=True)

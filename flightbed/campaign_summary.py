@@ -10,18 +10,18 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from flightbed.bootstrap import RESAMPLES
 from flightbed.campaign_table import Followed, Quantity, Row, departed, followed, passed, quantities, quantity
 from flightbed.card import FOLLOWED
 from flightbed.consistency import detectors, estimates
 from flightbed.core.versions import versions
 from flightbed.extension import permits
 from flightbed.metrics import PHASES, Metrics
-from flightbed.percentiles import PERCENTILES, SAMPLE
 from flightbed.programme import Programme, Values
 from flightbed.run_summary import RunSummary
 from flightbed.settings import Criterion
-from flightbed.statistics import Interval
+from flightbed.statistics.bootstrap import RESAMPLES
+from flightbed.statistics.histories import PERCENTILES, SAMPLE
+from flightbed.statistics.intervals import Interval
 
 _RESAMPLED = (5, 50, 95)  # percentiles in summary.json
 

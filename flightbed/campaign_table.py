@@ -11,7 +11,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from flightbed.bootstrap import mean_interval, percentile_interval
 from flightbed.card import FOLLOWED
 from flightbed.consistency import detectors, estimates
 from flightbed.core.units import unit_of
@@ -19,7 +18,8 @@ from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.programme import Flight
 from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.settings import Criterion, Scenario
-from flightbed.statistics import Interval, median_interval, quantile_interval, share
+from flightbed.statistics.bootstrap import mean_interval, percentile_interval
+from flightbed.statistics.intervals import Interval, median_interval, quantile_interval, share
 
 Value = int | float | bool | str | None
 Row = Mapping[str, Value]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any
 
-from flightbed.statistics import Interval, Outcome, Spread
+from flightbed.statistics.intervals import Interval, Outcome, Spread
 
 Cell = str | float | int | None | Spread | Interval | Outcome
 

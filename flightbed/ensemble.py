@@ -19,10 +19,10 @@ from flightbed.engine import CHUNK, DEATHS, Opener, Work, results
 from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.flight_result import fly_plan
 from flightbed.metrics import Metrics
-from flightbed.moments import Moments, total
 from flightbed.plan import Plan, plan
 from flightbed.processes import local_processes
 from flightbed.scenario import Scenario
+from flightbed.statistics.moments import Moments, total
 
 Vector = npt.NDArray[np.float64]
 Progress = Callable[[int], None]

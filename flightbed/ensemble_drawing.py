@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flightbed import drawing
 from flightbed.campaign_result import Campaign
-from flightbed.percentiles import PERCENTILES, Ensemble
+from flightbed.statistics.histories import PERCENTILES, Ensemble
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ import numpy as np
 from flightbed import drawing, palette
 from flightbed.core.estimate_names import numbered, of_surface, surface_of
 from flightbed.core.signals import SURFACES
-from flightbed.statistics import chi_square_bound
+from flightbed.statistics.intervals import chi_square_bound
 from flightbed.trace import true_share
 
 if TYPE_CHECKING:

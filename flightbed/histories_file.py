@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.core.units import unit_of
-from flightbed.percentiles import PERCENTILES, Ensemble
+from flightbed.statistics.histories import PERCENTILES, Ensemble
 
 
 def write_histories(ensembles: Mapping[int, Ensemble], control_hz: Mapping[int, int], path: Path) -> None:

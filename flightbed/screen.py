@@ -19,7 +19,7 @@ from flightbed.document import Table as Rows
 from flightbed.document import show
 from flightbed.event_log import failures
 from flightbed.metrics import PHASES
-from flightbed.statistics import Interval
+from flightbed.statistics.intervals import Interval
 
 if TYPE_CHECKING:
     from flightbed.campaign_result import Campaign

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom, bootstrap, expon, quantile_test
 
-from flightbed.bootstrap import FEWEST, FEWEST_OF_PERCENTILE, RESAMPLES, mean_interval, percentile_interval
 from flightbed.campaign_table import Quantity
-from flightbed.statistics import Interval, quantile_interval
+from flightbed.statistics.bootstrap import FEWEST, FEWEST_OF_PERCENTILE, RESAMPLES, mean_interval, percentile_interval
+from flightbed.statistics.intervals import Interval, quantile_interval
 
 
 def test_the_interval_of_a_mean_is_scipys_bca(rng: np.random.Generator) -> None:
@@ -53,7 +53,7 @@ def test_few_values_and_equal_values() -> None:
 def test_resamples_in_pieces_are_those_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     data = np.linspace(0.0, 1.0, 50).tolist()
     at_once = mean_interval(data, 3, "x")
-    monkeypatch.setattr("flightbed.bootstrap._AT_ONCE", 50 * 300)
+    monkeypatch.setattr("flightbed.statistics.bootstrap._AT_ONCE", 50 * 300)
     assert mean_interval(data, 3, "x") == at_once
 
 

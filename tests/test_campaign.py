@@ -32,7 +32,7 @@ from flightbed.page import render
 from flightbed.scenario import load_scenario
 from flightbed.screen import campaign_lines
 from flightbed.settings import Criterion
-from flightbed.statistics import median_interval, share
+from flightbed.statistics.intervals import median_interval, share
 from tests.command_line import flightbed
 from tests.lateral_flight import NAMES, SOON, rolling
 from tests.test_page import assert_self_contained, assert_sound, words

@@ -15,7 +15,7 @@ from flightbed.core.errors import InputError, ScenarioError, UnknownNameError
 from flightbed.programme import Programme, draw, flight_hash, scenario_of, values_of
 from flightbed.scenario import load_scenario
 from flightbed.settings import AxisSettings, CampaignSettings
-from flightbed.statistics import share
+from flightbed.statistics.intervals import share
 from tests.lateral_flight import rolling
 
 HEAD = 'schema = 1\nname = "mine"\nbase = "elevator-loss"\nruns = 3\nseed = 11\n'

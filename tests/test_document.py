@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flightbed.document import Cell, Claim, Document, Picture, Section, Table, show
-from flightbed.statistics import Interval, Spread, outcome
+from flightbed.statistics.intervals import Interval, Spread, outcome
 
 TABLE = Table("t", "A table", ("name", "K"), [["a", 0.12345], ["b", Spread(4, 1, 0.5, nan, inf)]], {"K": ".2f"})
 OPEN = Claim("o", "It may be so.", "a share", Interval(0.5, 0.2, 0.8, 5), holds=None)

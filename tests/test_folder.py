@@ -13,7 +13,7 @@ from flightbed.core.files import check_target
 from flightbed.document import Claim, Document, Section, Table
 from flightbed.folder import RUN
 from flightbed.page import render
-from flightbed.statistics import Interval
+from flightbed.statistics.intervals import Interval
 from flightbed.studies.folder import STUDY, write_study
 
 

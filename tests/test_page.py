@@ -12,7 +12,7 @@ import pytest
 from flightbed.document import Claim, Document, Listing, Picture, Section, Table
 from flightbed.drawing import distinct
 from flightbed.page import render
-from flightbed.statistics import Interval, Spread, outcome
+from flightbed.statistics.intervals import Interval, Spread, outcome
 from tests.test_drawing import draw
 
 VOID = {"meta", "link", "br", "img", "input", "hr", "base", "source", "embed"}

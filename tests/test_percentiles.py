@@ -15,17 +15,18 @@ import pytest
 from rich.console import Console
 
 from flightbed import campaign as campaigns
-from flightbed import campaign_flights, percentiles
+from flightbed import campaign_flights
 from flightbed.campaign_ensembles import histories_sections
 from flightbed.campaign_file import load_programme
 from flightbed.campaign_flights import chunk_of
 from flightbed.campaign_histories import Histories
 from flightbed.engine import CHUNK
 from flightbed.mission import run as fly_one
-from flightbed.percentiles import PERCENTILES, Ensemble, Part
 from flightbed.programme import Programme, few, scenario_of
 from flightbed.screen import campaign_lines
 from flightbed.settings import CampaignSettings
+from flightbed.statistics import histories
+from flightbed.statistics.histories import PERCENTILES, Ensemble, Part
 
 Vector = npt.NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def _at_every_tick(flights: list[Vector]) -> list[Vector]:
 @pytest.mark.parametrize("lengths", [(9,), (7, 12, 3, 12, 9, 15), (5,) * 40, (1, 2, 3, 4, 5)])
 def test_percentiles_are_numpys_whatever_the_lengths(rng: np.random.Generator, lengths: tuple[int, ...]) -> None:
     flights = [rng.normal(5.0, 2.0, n) for n in lengths]
-    found = percentiles.percentiles(flights, max(lengths) + 2)
+    found = histories.percentiles(flights, max(lengths) + 2)
     assert found.shape == (5, max(lengths) + 2)
     assert np.isnan(found[:, -2:]).all()
     for k, there in enumerate(_at_every_tick(flights)):
@@ -68,13 +69,13 @@ def test_percentiles_are_numpys_whatever_the_lengths(rng: np.random.Generator, l
 
 def test_the_percentiles_do_not_depend_on_the_order_of_the_flights(rng: np.random.Generator) -> None:
     flights = [rng.normal(size=n) for n in rng.integers(1, 30, 60)]
-    found = percentiles.percentiles(flights, 40)
-    again = percentiles.percentiles([flights[i] for i in rng.permutation(60)], 40)
+    found = histories.percentiles(flights, 40)
+    again = histories.percentiles([flights[i] for i in rng.permutation(60)], 40)
     assert found.tobytes() == again.tobytes()
 
 
 def test_infinite_values_rank_last_without_a_warning() -> None:
-    found = percentiles.percentiles([np.array([v]) for v in (1.0, 2.0, 3.0, np.inf, np.inf)], 1)[:, 0]
+    found = histories.percentiles([np.array([v]) for v in (1.0, 2.0, 3.0, np.inf, np.inf)], 1)[:, 0]
     assert found[1:3].tolist() == [2.0, 3.0]
     assert np.isinf(found[3])
 
@@ -108,7 +109,7 @@ def _parts(programme: Programme, rng: np.random.Generator) -> tuple[list[dict[in
         for flight in chunk.flights:
             if flight.index in chunk.remembered:
                 one = Part.of(flights[flight.index], sampled=flight.index in chunk.sampled)
-                percentiles.add_all(parts, {flight.point: one})
+                histories.add_all(parts, {flight.point: one})
         chunks.append(parts)
     return chunks, flights
 
@@ -196,7 +197,7 @@ def test_the_folder_holds_the_histories_of_every_point(tmp_path: Path) -> None:
             ours = there[f"scheduled.effectiveness_smoothed.{part}"].to_numpy()
             assert ours == pytest.approx(expected, rel=1e-6, abs=1e-7), part
     summary = json.loads((folder / "summary.json").read_text())["histories"]
-    assert summary == {"points": [0, 1, 2, 3], "percentiles_of_flights": percentiles.SAMPLE}
+    assert summary == {"points": [0, 1, 2, 3], "percentiles_of_flights": histories.SAMPLE}
     pictures = {p.key: p for section in histories_sections(flown) for p in section.items if hasattr(p, "svg")}
     assert set(pictures) == {
         "points-q-deg-s",

@@ -21,7 +21,7 @@ from flightbed.mission import run
 from flightbed.page import render
 from flightbed.report import ESTIMATOR_METRICS, run_report
 from flightbed.scenario import load_scenario
-from flightbed.statistics import chi_square_bound
+from flightbed.statistics.intervals import chi_square_bound
 from flightbed.trace import Trace
 from tests.lateral_flight import rolling
 from tests.test_page import assert_self_contained, assert_sound, words

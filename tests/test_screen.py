@@ -10,7 +10,7 @@ from rich.console import Console
 
 from flightbed.document import Claim, Document, Picture, Section, Table
 from flightbed.screen import study_lines
-from flightbed.statistics import Interval, spread
+from flightbed.statistics.intervals import Interval, spread
 
 
 def _shown(*verdicts: bool | None, text: str = "plain") -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binom, percentileofscore, quantile_test, ttest_1samp
 
-from flightbed.statistics import Interval, median_interval, outcome, rank, share, spread, student_interval
+from flightbed.statistics.intervals import Interval, median_interval, outcome, rank, share, spread, student_interval
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 40])

@@ -11,7 +11,7 @@ import numpy as np
 from flightbed import palette
 from flightbed.core.estimate_names import estimate_name, numbered, of_surface
 from flightbed.core.units import unit_of
-from flightbed.statistics import chi_square_bound
+from flightbed.statistics.intervals import chi_square_bound
 from flightbed.trace import ACTING, GUST_ALPHA, Trace, Vector, true_share
 
 OVERVIEW, ESTIMATORS, AIRFRAME, ROLL_YAW = "Overview", "Estimators", "Airframe", "Roll and yaw"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightbed.statistics import Interval
+from flightbed.statistics.intervals import Interval
 from flightbed.studies.judging import above, below, between, beyond, computed, mostly, rarely
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from flightbed.document import Document
 from flightbed.page import render
-from flightbed.statistics import Interval, share
+from flightbed.statistics.intervals import Interval, share
 from flightbed.studies.base import reproduce
 from flightbed.studies.kemp import adaptive, identification, methods, plants, printed, tracking
 from flightbed.studies.kemp.identification import FIGURE_END, LONG, MARKS, TOLERATED, relative_bias

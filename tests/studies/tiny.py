@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
-from flightbed.statistics import spread
+from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, Study, keyed_part
 from flightbed.studies.sillence.setup import EXPANDING, thesis
 

@@ -31,7 +31,7 @@ from flightbed.plan import plan
 from flightbed.pull_up import COLUMNS, PullUp, command_g, first_pulse, increment_g, pull_up
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
-from flightbed.statistics import median_interval, share
+from flightbed.statistics.intervals import median_interval, share
 
 # Of the thesis: first guess and variances of the listing of D, gains at once.
 THESIS = (

@@ -34,7 +34,7 @@ from flightbed.loop import fly
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
 from flightbed.settings import Scenario
-from flightbed.statistics import median_interval, share
+from flightbed.statistics.intervals import median_interval, share
 
 NAMES = ("retrospective", "random-walk")
 KINDS = ("retrospective-cost", "input-kalman")

@@ -7,7 +7,7 @@ from math import inf, nan
 from statistics import median
 
 from flightbed.document import Table, show
-from flightbed.statistics import Interval, median_interval
+from flightbed.statistics.intervals import Interval, median_interval
 from flightbed.studies.estimators.entrants import CHANGED, FIXED, TRUE_K, UNEXPLAINED
 from flightbed.studies.estimators.flights import Flight
 from flightbed.studies.estimators.measures import Results, Values

@@ -8,7 +8,7 @@ from statistics import median
 from flightbed.core.timing import spread
 from flightbed.document import Cell, Table, show
 from flightbed.metrics import SETTLING_S
-from flightbed.statistics import Interval, median_interval, share
+from flightbed.statistics.intervals import Interval, median_interval, share
 from flightbed.studies.estimators.entrants import CHANGED, FIXED, HEALTHY, TRUE_K, UNEXPLAINED, Entrant
 from flightbed.studies.estimators.flights import Flight
 from flightbed.studies.estimators.measures import SETTLED_S, Corrected, Estimates, Results, Values

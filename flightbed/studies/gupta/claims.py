@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from flightbed.document import Claim, Section
-from flightbed.statistics import median_interval
+from flightbed.statistics.intervals import median_interval
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import printed
 from flightbed.studies.gupta.rivals import HARMONIC, rivals

@@ -19,7 +19,7 @@ from flightbed.estimation.input_observer import (
     no_observer,
     random_walk,
 )
-from flightbed.statistics import spread
+from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import printed
 from flightbed.studies.gupta.trials import (

@@ -11,7 +11,7 @@ import numpy as np
 
 from flightbed.document import Section, Table
 from flightbed.estimation.input_model import invariant_zeros
-from flightbed.statistics import Interval, share, spread
+from flightbed.statistics.intervals import Interval, share, spread
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import plants, printed
 from flightbed.studies.gupta.trials import (

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.document import Claim, Section, Table
-from flightbed.statistics import median_interval, spread
+from flightbed.statistics.intervals import median_interval, spread
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.judging import above, below, between, mostly, rarely
 from flightbed.studies.kemp import methods, printed

@@ -11,7 +11,7 @@ import numpy as np
 from flightbed.document import Claim, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
-from flightbed.statistics import median_interval, spread
+from flightbed.statistics.intervals import median_interval, spread
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.judging import above, below
 from flightbed.studies.sillence import printed

@@ -14,7 +14,7 @@ from flightbed.command.base import energy
 from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
-from flightbed.statistics import spread
+from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence.aircraft import SCHEDULED, f16
 from flightbed.studies.sillence.plots import TIME

@@ -15,7 +15,7 @@ from flightbed.ensemble import Flown, Job
 from flightbed.flight_result import fly_scenario
 from flightbed.pacing import Punctuality, WallClock
 from flightbed.scenario import load_scenario
-from flightbed.statistics import share, spread
+from flightbed.statistics.intervals import share, spread
 from flightbed.studies.base import Flights, Part, keyed_part
 from flightbed.studies.sillence import plots
 from flightbed.studies.sillence.plots import BASIC, TIME

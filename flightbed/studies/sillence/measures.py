@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.ensemble import Flown
-from flightbed.statistics import Vector
+from flightbed.statistics.intervals import Vector
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.plots import TIME
 from flightbed.studies.sillence.setup import WINDOW

@@ -15,7 +15,7 @@ from flightbed.core import data
 from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.scenario import Scenario, load_scenario
-from flightbed.statistics import Interval, Vector
+from flightbed.statistics.intervals import Interval, Vector
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import printed
 

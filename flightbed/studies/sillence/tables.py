@@ -15,7 +15,7 @@ from flightbed.ensemble import Flown, Job
 from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.metrics import snr_db
 from flightbed.settings import GainSettings, Scenario
-from flightbed.statistics import rank, spread
+from flightbed.statistics.intervals import rank, spread
 from flightbed.studies.base import Flights, Part, keyed_part
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.setup import (

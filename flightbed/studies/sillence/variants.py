@@ -9,7 +9,7 @@ from typing import Any
 from flightbed.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings import Scenario
-from flightbed.statistics import spread
+from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence.plots import NOISES
 from flightbed.studies.sillence.setup import UNBOUNDED, WINDOW, adaptive, estimator, thesis

@@ -11,7 +11,7 @@ import numpy as np
 
 from flightbed.document import Section, Table
 from flightbed.estimation.two_stage import ConstantForgetting, Forgetting, VariableForgetting
-from flightbed.statistics import median_interval
+from flightbed.statistics.intervals import median_interval
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed
 from flightbed.studies.wu.measures import SETTLED_S, RunMeasures, measure

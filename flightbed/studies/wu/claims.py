@@ -10,7 +10,7 @@ import numpy as np
 
 from flightbed.document import Claim, Section
 from flightbed.estimation.bias_test import chi_square_threshold
-from flightbed.statistics import median_interval, share
+from flightbed.statistics.intervals import median_interval, share
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed
 from flightbed.studies.wu.measures import (

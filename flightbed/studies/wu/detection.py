@@ -14,7 +14,7 @@ from flightbed.estimation.bias_test import (
     correlated_threshold,
     effective_degrees,
 )
-from flightbed.statistics import median_interval, share, spread
+from flightbed.statistics.intervals import median_interval, share, spread
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed
 from flightbed.studies.wu.measures import QUIET_S, QuietRun, RunMeasures, autocorrelation, delay_s, measure, quiet_run

@@ -8,7 +8,7 @@ from zlib import crc32
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.statistics import Interval
+from flightbed.statistics.intervals import Interval
 
 Vector = npt.NDArray[np.float64]
 Statistic = Callable[[Vector], Vector]  # (m, n) -> (m,), along the last axis

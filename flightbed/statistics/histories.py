@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.moments import Moments, Vector, within
+from flightbed.statistics.moments import Moments, Vector, within
 
 Single = npt.NDArray[np.float32]
 Arrays = Mapping[str, npt.NDArray[Any]]

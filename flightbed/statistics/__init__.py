@@ -1,0 +1,1 @@
+"""Exact intervals, resampled intervals, moments and percentiles of histories."""
