@@ -29,7 +29,7 @@ from flightbed.plant.base import Plant
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
 from flightbed.sensors import LateralSensors, SensorErrors, Sensors
-from flightbed.settings import Command, ModelError, Scenario
+from flightbed.settings.scenario import Command, ModelError, Scenario
 
 _ROOM_M = 300.0  # a flight that starts at sea level may descend this far below it: the terrain lies lower still
 

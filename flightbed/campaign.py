@@ -18,7 +18,7 @@ from flightbed.engine import CHUNK, Opener, Work, opener, results
 from flightbed.flight_result import fly_scenario
 from flightbed.journal import Journal, journal
 from flightbed.programme import Programme, scenario_of
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 
 Progress = Callable[[int, int], None]
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from flightbed.aircraft import load_path
 from flightbed.campaign_table import metric_columns
 from flightbed.consistency import estimates, idle_keys
@@ -16,7 +18,8 @@ from flightbed.linear_aircraft import load_flyable
 from flightbed.plan import plan
 from flightbed.programme import Programme, Values, grid, with_values
 from flightbed.scenario import build, changed, frozen, problems, read_toml, shown, validated
-from flightbed.settings import CampaignSettings, Scenario, ValidationError
+from flightbed.settings.campaign import CampaignSettings
+from flightbed.settings.scenario import Scenario
 
 RUNS = 100  # default, of a plain scenario
 _LAST_SEED = 2**63 - 1

@@ -17,7 +17,7 @@ from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.flight_result import fly_plan
 from flightbed.plan import Plan, plan
 from flightbed.programme import Flight, Programme, flight_hash, scenario_of
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.statistics.histories import SAMPLE, Part, add_all
 from flightbed.trace import true_share
 

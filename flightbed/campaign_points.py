@@ -14,7 +14,7 @@ from flightbed.campaign_result import Campaign
 from flightbed.campaign_summary import CampaignSummary, FlightsSummary, ShareSummary
 from flightbed.document import Cell, Picture, Section, Table, show
 from flightbed.programme import values_of
-from flightbed.settings import AxisSettings, Criterion
+from flightbed.settings.campaign import AxisSettings, Criterion
 from flightbed.statistics.intervals import Interval
 
 _MOST = 200  # points in the table of the page; summary.json has all

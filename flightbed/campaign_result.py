@@ -11,7 +11,7 @@ from flightbed.campaign_table import Quantity, Row, followed, quantity
 from flightbed.consistency import detectors, estimates
 from flightbed.flight_result import Result
 from flightbed.programme import Programme
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.statistics.histories import Ensemble
 
 

@@ -18,7 +18,7 @@ from flightbed.extension import permits
 from flightbed.metrics import PHASES, Metrics
 from flightbed.programme import Programme, Values
 from flightbed.run_summary import RunSummary
-from flightbed.settings import Criterion
+from flightbed.settings.campaign import Criterion
 from flightbed.statistics.bootstrap import RESAMPLES
 from flightbed.statistics.histories import PERCENTILES, SAMPLE
 from flightbed.statistics.intervals import Interval

@@ -17,7 +17,8 @@ from flightbed.core.units import unit_of
 from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.programme import Flight
 from flightbed.pull_up import PULL_UP_METRICS
-from flightbed.settings import Criterion, Scenario
+from flightbed.settings.campaign import Criterion
+from flightbed.settings.scenario import Scenario
 from flightbed.statistics.bootstrap import mean_interval, percentile_interval
 from flightbed.statistics.intervals import Interval, median_interval, quantile_interval, share
 

@@ -9,7 +9,7 @@ from flightbed.event_log import failures, gusts, milliseconds
 from flightbed.metrics import PHASES
 from flightbed.pacing import Punctuality
 from flightbed.run_summary import RunSummary
-from flightbed.settings import Command, RollCommand, Scenario, SideslipCommand
+from flightbed.settings.scenario import Command, RollCommand, Scenario, SideslipCommand
 
 
 def run_card(scenario: Scenario, summary: RunSummary) -> str:

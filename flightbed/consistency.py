@@ -10,7 +10,7 @@ from flightbed.core.errors import did_you_mean
 from flightbed.core.estimate_names import estimate_name
 from flightbed.core.harmonics import MOST_HARMONICS, harmonics
 from flightbed.core.signals import SURFACES
-from flightbed.settings import (
+from flightbed.settings.scenario import (
     LOAD_FACTOR_LAWS,
     Command,
     EstimatorSettings,

@@ -26,7 +26,7 @@ from flightbed.blame import constructor_message, line_of, location
 from flightbed.core.errors import ExtensionError, FlightbedError, InputError, did_you_mean
 
 if TYPE_CHECKING:
-    from flightbed.settings import Scenario
+    from flightbed.settings.scenario import Scenario
 
 _METHODS = {
     "estimators": "update",

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from flightbed.document import Picture
     from flightbed.flight_result import Result
-    from flightbed.settings import Scenario
+    from flightbed.settings.scenario import Scenario
 
 Vector = npt.NDArray[np.float64]
 

@@ -41,7 +41,7 @@ from flightbed.run_summary import (
     ShortPeriodSummary,
     TrimSummary,
 )
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.trace import Trace, collect, from_rows
 
 Watch = Callable[[Iterator[Sample]], Iterator[Sample]]  # yields the samples unchanged

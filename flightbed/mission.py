@@ -18,7 +18,7 @@ from flightbed.live import Live
 from flightbed.loop import fly as fly_loop
 from flightbed.pacing import Clock
 from flightbed.plan import Plan, plan
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.telemetry.shown import FlightInfo
 
 

@@ -24,7 +24,7 @@ from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario import Scenario
 from flightbed.schedule import Schedule, load_schedule
-from flightbed.settings import Condition
+from flightbed.settings.scenario import Condition
 from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import TrimPoint, trim
 

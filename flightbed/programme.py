@@ -21,7 +21,8 @@ from flightbed.core.versions import versions
 from flightbed.extension import Extension
 from flightbed.override import replaced, setting
 from flightbed.scenario import validated
-from flightbed.settings import AxisSettings, CampaignSettings, Scenario
+from flightbed.settings.campaign import AxisSettings, CampaignSettings
+from flightbed.settings.scenario import Scenario
 
 Values = Mapping[str, Any]  # key of the scenario -> value
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from flightbed.settings import EstimatorSettings, GustSettings, Scenario
+from flightbed.settings.scenario import EstimatorSettings, GustSettings, Scenario
 
 KINDS = ("retrospective-cost", "input-kalman")
 _RETROSPECTIVE = ("order", "horizon", "regularization", "initial_covariance", "input_forgetting", "saturation_deg")

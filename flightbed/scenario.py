@@ -8,11 +8,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from pydantic import ValidationError
+
 from flightbed.consistency import contradictions, idle_keys
 from flightbed.core import data
 from flightbed.core.errors import ScenarioError, did_you_mean
 from flightbed.override import override
-from flightbed.settings import Scenario, ValidationError, known_keys
+from flightbed.settings.base import known_keys
+from flightbed.settings.scenario import Scenario
 from flightbed.wording import brief, message
 
 __all__ = ["Scenario", "load_scenario"]

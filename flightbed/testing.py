@@ -34,7 +34,7 @@ from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.extension import using
 from flightbed.plan import Plan, plan
 from flightbed.scenario import load_scenario
-from flightbed.settings import EstimatorSettings
+from flightbed.settings.scenario import EstimatorSettings
 from flightbed.trial import FAILS_AT, out_of_range_readings, readings_of_flights
 
 Factory = Callable[[EstimatorSettings, OnBoard], Estimator]

@@ -31,7 +31,7 @@ from flightbed.mission import run
 from flightbed.page import render
 from flightbed.scenario import load_scenario
 from flightbed.screen import campaign_lines
-from flightbed.settings import Criterion
+from flightbed.settings.campaign import Criterion
 from flightbed.statistics.intervals import median_interval, share
 from tests.command_line import flightbed
 from tests.lateral_flight import NAMES, SOON, rolling

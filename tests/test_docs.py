@@ -16,7 +16,8 @@ from flightbed.extension import using
 from flightbed.mission import run
 from flightbed.pacing import WallClock
 from flightbed.scenario import load_scenario
-from flightbed.settings import CampaignSettings, known_keys
+from flightbed.settings.base import known_keys
+from flightbed.settings.campaign import CampaignSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -35,7 +35,7 @@ from flightbed.mission import run
 from flightbed.options import Options
 from flightbed.report import rerun_command
 from flightbed.scenario import load_scenario
-from flightbed.settings import EstimatorSettings
+from flightbed.settings.scenario import EstimatorSettings
 from tests.command_line import flightbed as command_line
 
 FILTER = '''\

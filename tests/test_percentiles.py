@@ -24,7 +24,7 @@ from flightbed.engine import CHUNK
 from flightbed.mission import run as fly_one
 from flightbed.programme import Programme, few, scenario_of
 from flightbed.screen import campaign_lines
-from flightbed.settings import CampaignSettings
+from flightbed.settings.campaign import CampaignSettings
 from flightbed.statistics import histories
 from flightbed.statistics.histories import PERCENTILES, Ensemble, Part
 

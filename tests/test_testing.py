@@ -16,7 +16,7 @@ from flightbed.core.signals import Estimate, Measurement
 from flightbed.estimation.base import OnBoard
 from flightbed.loop import Flight
 from flightbed.plan import Plan
-from flightbed.settings import EstimatorSettings
+from flightbed.settings.scenario import EstimatorSettings
 from flightbed.testing import ContractError, check_estimator
 
 

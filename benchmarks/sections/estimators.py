@@ -24,7 +24,7 @@ from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.mission import fly
 from flightbed.plan import Plan, plan
 from flightbed.scenario import load_scenario
-from flightbed.settings import EstimatorSettings
+from flightbed.settings.scenario import EstimatorSettings
 
 from .loop import ESTIMATORS, SCENARIO
 

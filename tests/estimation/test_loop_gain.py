@@ -16,7 +16,7 @@ from flightbed.estimation.base import OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.record import estimate_record
 from flightbed.factories import loop_gain_config
-from flightbed.settings import EstimatorSettings, Prior
+from flightbed.settings.scenario import EstimatorSettings, Prior
 from flightbed.short_period import ShortPeriod
 from tests.linear_flight import NOISE, fly_linear
 

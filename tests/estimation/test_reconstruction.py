@@ -24,7 +24,7 @@ from flightbed.loop import fly
 from flightbed.mission import run
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.trace import Trace, collect, read_trace
 from tests.lateral_flight import rolling
 

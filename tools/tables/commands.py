@@ -16,7 +16,7 @@ from flightbed.command.multisine import flat_phases, one_period, schroeder_phase
 from flightbed.core.units import DEG
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
-from flightbed.settings import Command
+from flightbed.settings.scenario import Command
 
 HZ = 100
 KINDS = ("constant", "doublet", "3-2-1-1", "chirp", "multisine", "random")

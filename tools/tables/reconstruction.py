@@ -33,7 +33,7 @@ from flightbed.estimation.base import Commanded, SurfacesEstimator
 from flightbed.loop import fly
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.statistics.intervals import median_interval, share
 
 NAMES = ("retrospective", "random-walk")

@@ -28,7 +28,7 @@ from flightbed.document import show
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.estimation.bias_test import chi_square_threshold
 from flightbed.scenario import load_scenario
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.statistics.intervals import median_interval, share
 from flightbed.studies.estimators.cost import costs_us
 

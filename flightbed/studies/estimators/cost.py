@@ -13,7 +13,7 @@ from flightbed.estimation.base import Commanded
 from flightbed.extension import Extension, Packed, carried
 from flightbed.loop import fly, updater
 from flightbed.plan import Plan, plan
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 
 
 def costs_us(scenario: Scenario, rounds: int) -> dict[str, list[float]]:

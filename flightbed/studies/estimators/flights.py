@@ -9,7 +9,7 @@ from flightbed.assembly import assemble
 from flightbed.core.errors import FlightbedError
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.studies.estimators.entrants import FIXED, TRUE_K, Entrant, inline
 
 

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from flightbed.core.errors import InputError, ScenarioError
 from flightbed.registry import in_use, summary
 from flightbed.scenario import frozen, problems, read_toml
-from flightbed.settings import EstimatorSettings, ValidationError
+from flightbed.settings.scenario import EstimatorSettings
 from flightbed.studies.estimators.comparison import Comparison
 from flightbed.studies.estimators.entrants import UNDECLARED, Entrant
 from flightbed.testing import ContractError, check_estimator

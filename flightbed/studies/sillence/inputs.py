@@ -13,7 +13,7 @@ from flightbed import drawing, registry
 from flightbed.command.base import energy
 from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
-from flightbed.settings import Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence.aircraft import SCHEDULED, f16
