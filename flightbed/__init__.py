@@ -15,9 +15,9 @@ from flightbed.trim import TrimPoint, trim
 
 if TYPE_CHECKING:
     from flightbed.aircraft import Aircraft, load_aircraft
+    from flightbed.config.own_code import using
     from flightbed.core.errors import FlightbedError
     from flightbed.core.signals import Estimate, Measurement, Sample, Truth
-    from flightbed.extension import using
     from flightbed.flight_result import Result
     from flightbed.live import Live
     from flightbed.metrics import Metrics
@@ -53,7 +53,7 @@ _LATER = {
     "load_scenario": "flightbed.scenario",
     "read_trace": "flightbed.trace",
     "run": "flightbed.mission",
-    "using": "flightbed.extension",
+    "using": "flightbed.config.own_code",
 }
 
 

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flightbed import factories, registry
+from flightbed import factories
 from flightbed.aircraft import Aircraft
-from flightbed.blame import watched
 from flightbed.command.base import Profile, profile
+from flightbed.config import families
+from flightbed.config.kinds import Command
+from flightbed.config.tracebacks import watched
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
 from flightbed.control.design import peak_deflection
@@ -29,7 +31,7 @@ from flightbed.plant.base import Plant
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
 from flightbed.sensors import LateralSensors, SensorErrors, Sensors
-from flightbed.settings.scenario import Command, ModelError, Scenario
+from flightbed.settings.scenario import ModelError, Scenario
 
 _ROOM_M = 300.0  # a flight that starts at sea level may descend this far below it: the terrain lies lower still
 
@@ -53,7 +55,7 @@ def _assembled(plan: Plan) -> Flight:
     )  # fmt: skip
     onboard = _with_model_errors(onboard, scenario.model_error)
     health = factories.health_history(scenario)
-    estimators = [registry.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators]
+    estimators = [families.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators]
     names = names_of(scenario, estimators)
     adaptation = scenario.adaptation
     plant = _plant(plan, health(0), air_seed, process_seed)
@@ -95,7 +97,7 @@ def _assembled(plan: Plan) -> Flight:
 
 def _profile(scenario: Scenario, command: Command) -> Profile:
     return profile(
-        registry.factory("commands", command.kind)(command),
+        families.factory("commands", command.kind)(command),
         ticks=scenario.ticks,
         control_hz=scenario.rates.control_hz,
         filter_rad_s=command.filter_rad_s,

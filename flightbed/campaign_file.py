@@ -6,18 +6,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from flightbed.aircraft import load_path
 from flightbed.campaign_table import metric_columns
+from flightbed.config.own_code import named_by
+from flightbed.config.reading import frozen, problems, read_toml, shown
+from flightbed.config.table import ValidationError
 from flightbed.consistency import estimates, idle_keys
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, did_you_mean
-from flightbed.extension import named_by
 from flightbed.linear_aircraft import load_flyable
 from flightbed.plan import plan
 from flightbed.programme import Programme, Values, grid, with_values
-from flightbed.scenario import build, changed, frozen, problems, read_toml, shown, validated
+from flightbed.scenario import build, changed, validated
 from flightbed.settings.campaign import CampaignSettings
 from flightbed.settings.scenario import Scenario
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from flightbed.blame import line_of
 from flightbed.campaign_table import Row, failed_row, row
+from flightbed.config.own_code import Extension, Packed, carried, named_by
+from flightbed.config.tracebacks import line_of
 from flightbed.consistency import estimates
 from flightbed.core.errors import FlightbedError
 from flightbed.engine import CHUNK, DEATHS
-from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.flight_result import fly_plan
 from flightbed.plan import Plan, plan
 from flightbed.programme import Flight, Programme, flight_hash, scenario_of

@@ -13,10 +13,10 @@ from flightbed.campaign_points import points_section
 from flightbed.campaign_result import Campaign
 from flightbed.campaign_summary import CampaignSummary, WorstSummary
 from flightbed.card import FOLLOWED, flown, outcome
+from flightbed.config.own_code import at_hand, permits
 from flightbed.core.estimate_names import numbered
 from flightbed.core.units import unit_of
 from flightbed.document import Cell, Document, Listing, Picture, Section, Table
-from flightbed.extension import at_hand, permits
 from flightbed.figures import pictures
 from flightbed.flight_result import Result
 from flightbed.pull_up import PULL_UP_METRICS

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from flightbed import registry
+from flightbed.config import families
+from flightbed.config.kinds import Command, RollCommand, SideslipCommand
 from flightbed.consistency import idle_keys
 from flightbed.core.units import unit_of
 from flightbed.event_log import failures, gusts, milliseconds
 from flightbed.metrics import PHASES
 from flightbed.pacing import Punctuality
 from flightbed.run_summary import RunSummary
-from flightbed.settings.scenario import Command, RollCommand, Scenario, SideslipCommand
+from flightbed.settings.scenario import Scenario
 
 
 def run_card(scenario: Scenario, summary: RunSummary) -> str:
@@ -162,7 +163,7 @@ def command(scenario: Scenario, place: str = "command") -> str:
     }
     asked = tables[place]
     used = asked.model_dump(exclude={"kind", "filter_rad_s", "options"})
-    if registry.is_built_in("commands", asked.kind):
+    if families.is_built_in("commands", asked.kind):
         used = {k: v for k, v in used.items() if f"{place}.{k}" not in idle}
     else:
         used = {k: v for k, v in used.items() if k in asked.model_fields_set} | dict(asked.options)

@@ -99,7 +99,7 @@ def run(
         json: Print the content of metrics.json, and the folder, as JSON and nothing else on stdout.
 
     """
-    from flightbed.extension import check_named, using
+    from flightbed.config.own_code import check_named, using
     from flightbed.live import Live, address
     from flightbed.mission import run as fly
     from flightbed.pacing import WallClock
@@ -319,7 +319,7 @@ def campaign(
     """
     from flightbed import campaign as campaigns
     from flightbed.campaign_file import load_programme
-    from flightbed.extension import check_named, using
+    from flightbed.config.own_code import check_named, using
     from flightbed.screen import campaign_lines, progress_bar
 
     with using(*(use or ())):
@@ -365,16 +365,16 @@ def reproduce(
         json: Print what results.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
-    from flightbed import registry
+    from flightbed.config import families
+    from flightbed.config.own_code import using
     from flightbed.core.files import check_target
     from flightbed.engine import opener
-    from flightbed.extension import using
     from flightbed.screen import progress_bar, study_lines
     from flightbed.studies.base import reproduce as recompute
     from flightbed.studies.base import with_own
     from flightbed.studies.folder import STUDY, write_study
 
-    chosen = registry.factory("studies", study)()
+    chosen = families.factory("studies", study)()
     if runs is not None and runs < 1:
         raise InputError(f"--runs: must be at least 1 (got {runs})")
     executor = opener(workers, scheduler)

@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from flightbed import reconstruction_keys, registry
+from flightbed import reconstruction_keys
+from flightbed.config import families
+from flightbed.config.kinds import LOAD_FACTOR_LAWS, Command, EstimatorSettings, RollCommand, SideslipCommand
 from flightbed.core.errors import did_you_mean
 from flightbed.core.estimate_names import estimate_name
 from flightbed.core.harmonics import MOST_HARMONICS, harmonics
 from flightbed.core.signals import SURFACES
-from flightbed.settings.scenario import (
-    LOAD_FACTOR_LAWS,
-    Command,
-    EstimatorSettings,
-    RollCommand,
-    Scenario,
-    SideslipCommand,
-)
+from flightbed.settings.scenario import Scenario
 
 _PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
 _BAND = _PULSES | {"low_hz", "high_hz"}
@@ -241,7 +236,7 @@ def _options_of_built_ins(scenario: Scenario) -> list[str]:
     return [
         f"{place}.options: {key} '{name}' takes no options (got {', '.join(options)}); only external code has them"
         for place, family, key, name, options in tables
-        if options and registry.is_built_in(family, name)
+        if options and families.is_built_in(family, name)
     ]
 
 
@@ -306,7 +301,7 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
         keys |= {f"adaptation.{key}": "adaptation.method = 'redesign'" for key in unused}
     elif adaptation.oracle:
         keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
-    if scenario.control.law != "lq" and registry.is_built_in("laws", scenario.control.law):
+    if scenario.control.law != "lq" and families.is_built_in("laws", scenario.control.law):
         keys |= {f"control.weights.{key}": f"control.law = '{scenario.control.law}'" for key in _WEIGHTS}
     keys |= _idle_in_g(scenario)
     if scenario.control.law == "lq":
@@ -356,10 +351,10 @@ def _idle_in_g(scenario: Scenario) -> dict[str, str]:
             "control.gains"
         }
         idle |= identification if law != "nz-adaptive" else set()
-    elif registry.is_built_in("laws", law):
+    elif families.is_built_in("laws", law):
         idle |= {"command.amplitude_g", *identification, "control.autothrottle.enabled"}
         idle |= {f"control.autothrottle.{key}" for key in _AUTOTHROTTLE}
-        if all(registry.is_built_in("estimators", estimator.kind) for estimator in scenario.estimators):
+        if all(families.is_built_in("estimators", estimator.kind) for estimator in scenario.estimators):
             idle.add("sensors.nz_std_g")
     keys = dict.fromkeys(sorted(idle), why)
     throttle = scenario.control.autothrottle

@@ -14,9 +14,9 @@ from typing import Any, NoReturn, Protocol, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.config.own_code import Extension, Packed, carried, named_by
 from flightbed.core.errors import InputError
 from flightbed.engine import CHUNK, DEATHS, Opener, Work, results
-from flightbed.extension import Extension, Packed, carried, named_by
 from flightbed.flight_result import fly_plan
 from flightbed.metrics import Metrics
 from flightbed.plan import Plan, plan

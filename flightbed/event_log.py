@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from flightbed.config.kinds import Failure, GustSettings
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
 from flightbed.estimation.following_kernels import ACTUATOR
@@ -13,7 +14,7 @@ from flightbed.loop import DEPARTURE_RAD
 from flightbed.metrics import at_stop, since_s
 from flightbed.pacing import Spell, late_spells
 from flightbed.run_summary import RunSummary
-from flightbed.settings.scenario import Failure, GustSettings, Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.trace import Trace, true_share
 
 _MANY = 10  # spells of late ticks that the event log lists one by one

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import ceil, inf
 
-from flightbed import registry
-from flightbed import settings as s
 from flightbed.command.base import Command
 from flightbed.command.chirp import chirp as _chirp
 from flightbed.command.constant import constant as _constant
@@ -16,6 +14,7 @@ from flightbed.command.multisine import multisine as _multisine
 from flightbed.command.prbs import prbs as _prbs
 from flightbed.command.pulses import pulses as _pulses
 from flightbed.command.three_two_one_one import three_two_one_one as _three_two_one_one
+from flightbed.config import families, kinds
 from flightbed.control.base import Gains, Law
 from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.proportional import Proportional
@@ -36,10 +35,11 @@ from flightbed.failures.effector import hardover as _hardover
 from flightbed.failures.effector import ramp as _ramp
 from flightbed.failures.effector import stuck as _stuck
 from flightbed.gusts import Gusts, calm, one_minus_cosine, sine
+from flightbed.settings.scenario import Scenario
 from flightbed.short_period import ShortPeriod
 
 
-def doublet(settings: s.Command) -> Command:
+def doublet(settings: kinds.Command) -> Command:
     """Doublets of +-amplitude_deg_s, each period_s long, count of them from start_s on."""
     return _doublet(
         amplitude_rad_s=settings.amplitude_deg_s * DEG,
@@ -49,7 +49,7 @@ def doublet(settings: s.Command) -> Command:
     )
 
 
-def three_two_one_one(settings: s.Command) -> Command:
+def three_two_one_one(settings: kinds.Command) -> Command:
     """Alternate pulses of +-amplitude_deg_s, 3, 2, 1 and 1 sevenths of period_s long, count sequences."""
     return _three_two_one_one(
         amplitude_rad_s=settings.amplitude_deg_s * DEG,
@@ -59,7 +59,7 @@ def three_two_one_one(settings: s.Command) -> Command:
     )
 
 
-def chirp(settings: s.Command) -> Command:
+def chirp(settings: kinds.Command) -> Command:
     """Sweep a sine of amplitude_deg_s from low_hz to high_hz in period_s, count times."""
     return _chirp(
         amplitude_rad_s=settings.amplitude_deg_s * DEG,
@@ -71,17 +71,17 @@ def chirp(settings: s.Command) -> Command:
     )
 
 
-def multisine(settings: s.Command) -> Command:
+def multisine(settings: kinds.Command) -> Command:
     """Add all harmonics of 1/period_s in the band, phased for low peaks of amplitude_deg_s, count periods."""
     return _harmonics(settings, count=settings.count)
 
 
-def dither(settings: s.Command) -> Command:
+def dither(settings: kinds.Command) -> Command:
     """Repeat a multisine, small by default, from start_s to the end of the flight, to excite level flight."""
     return _harmonics(settings, count=inf)
 
 
-def _harmonics(settings: s.Command, *, count: float) -> Command:
+def _harmonics(settings: kinds.Command, *, count: float) -> Command:
     return _multisine(
         amplitude_rad_s=settings.amplitude_deg_s * DEG,
         low_hz=settings.low_hz,
@@ -92,7 +92,7 @@ def _harmonics(settings: s.Command, *, count: float) -> Command:
     )
 
 
-def random(settings: s.Command) -> Command:
+def random(settings: kinds.Command) -> Command:
     """Switch +-amplitude_deg_s pseudo-randomly, at most every switch_s; zero mean, count sequences."""
     return _prbs(
         amplitude_rad_s=settings.amplitude_deg_s * DEG,
@@ -104,12 +104,12 @@ def random(settings: s.Command) -> Command:
     )
 
 
-def constant(settings: s.Command) -> Command:
+def constant(settings: kinds.Command) -> Command:
     """Hold amplitude_deg_s from start_s on: a step."""
     return _constant(amplitude_rad_s=settings.amplitude_deg_s * DEG, start_s=settings.start_s)
 
 
-def pulse(settings: s.Command) -> Command:
+def pulse(settings: kinds.Command) -> Command:
     """Hold amplitude_deg_s for period_s from start_s on: a rectangular pulse."""
     return _pulses(
         [1],
@@ -120,20 +120,20 @@ def pulse(settings: s.Command) -> Command:
     )
 
 
-def none(_settings: s.Command) -> Command:
+def none(_settings: kinds.Command) -> Command:
     """Command zero pitch rate: straight and level flight."""
     return _none()
 
 
-def _poles(settings: s.Control) -> list[complex] | None:
+def _poles(settings: kinds.Control) -> list[complex] | None:
     return None if settings.poles is None else [complex(re, im) for re, im in settings.poles]
 
 
-def _given(gains: s.GainSettings, *, integral: float = 0.0) -> Gains:
+def _given(gains: kinds.GainSettings, *, integral: float = 0.0) -> Gains:
     return Gains(gains.alpha, gains.q_s, gains.elevator, gains.reference_s, integral)
 
 
-def proportional(settings: s.Control, design: ShortPeriod, _control_hz: int) -> Law:
+def proportional(settings: kinds.Control, design: ShortPeriod, _control_hz: int) -> Law:
     """Feedback of alpha, q and elevator, prefilter gain for unit DC gain (Sillence S 3.2)."""
     return Proportional(
         _given(settings.gains) if settings.gains else design_proportional(design, _poles(settings)),
@@ -142,7 +142,7 @@ def proportional(settings: s.Control, design: ShortPeriod, _control_hz: int) -> 
     )
 
 
-def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: int) -> Law:
+def proportional_integral(settings: kinds.Control, design: ShortPeriod, control_hz: int) -> Law:
     """Add to the proportional law the integral of the pitch-rate error (Sillence S 3.3)."""
     return ProportionalIntegral(
         _given(settings.gains, integral=settings.gains.integral)
@@ -154,89 +154,89 @@ def proportional_integral(settings: s.Control, design: ShortPeriod, control_hz: 
     )
 
 
-def lq(settings: s.Control, design: ShortPeriod, control_hz: int) -> Law:
+def lq(settings: kinds.Control, design: ShortPeriod, control_hz: int) -> Law:
     """Proportional law with gains that are optimal for quadratic weights, redesigned for K-hat with adaptation.method = "redesign"."""
     return RedesignedPitch(design, _pitch_weights(settings), control_hz=control_hz)
 
 
-def lq_gains(settings: s.Control, design: ShortPeriod, control_hz: int, effectiveness: float) -> Gains:
+def lq_gains(settings: kinds.Control, design: ShortPeriod, control_hz: int, effectiveness: float) -> Gains:
     """Return the gains of the law lq at a given K."""
     return pitch_lq(design, _pitch_weights(settings), control_hz=control_hz, effectiveness=effectiveness)
 
 
-def _pitch_weights(settings: s.Control) -> PitchWeights:
+def _pitch_weights(settings: kinds.Control) -> PitchWeights:
     weights = settings.weights
     return PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG)
 
 
-def effectiveness(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+def effectiveness(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Scale the effect of the deflection by `to`, from the first tick at or after at_s."""
     return effectiveness_loss(
         before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz)
     )
 
 
-def structural(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+def structural(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Scale the elevator's pitching moment by `to` and its lift and drag by `force_to`, from at_s on."""
     return structural_damage(
         before, to=settings.to, force_to=settings.force_to, at_tick=failure_tick(settings, control_hz)
     )
 
 
-def cg_shift(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+def cg_shift(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Move the c.g. to shift_cbar mean chords aft of its take-off position, from at_s on."""
     return _cg_shift(before, shift_cbar=settings.shift_cbar, at_tick=failure_tick(settings, control_hz))
 
 
-def ramp(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+def ramp(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Reduce the effectiveness linearly from its value at at_s to `to`, over over_s seconds."""
     at_tick = failure_tick(settings, control_hz)
     ticks = max(1, round(settings.over_s * control_hz))
     return _ramp(before, surface=settings.surface, to=settings.to, at_tick=at_tick, ticks=ticks)
 
 
-def stuck(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+def stuck(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Jam the actuator at its position at at_s."""
     return _stuck(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
 
 
-def floating(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+def floating(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Detach the surface from its actuator at at_s; it floats in the airstream."""
     return _floating(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
 
 
-def hardover(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+def hardover(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Run the actuator to the stop on the side low or high from at_s on, at its rate limit."""
     to_rad = inf if settings.side == "high" else -inf
     return _hardover(before, surface=settings.surface, to_rad=to_rad, at_tick=failure_tick(settings, control_hz))
 
 
-def rate_limit(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+def rate_limit(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Scale the actuator's rate limit by `to`, from at_s on."""
     return rate_limited(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
 
 
-def bias(settings: s.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+def bias(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
     """Add bias_deg to the acting deflection, absent from the position feedback, from at_s on."""
     return _bias(
         before, surface=settings.surface, by_rad=settings.bias_deg * DEG, at_tick=failure_tick(settings, control_hz)
     )
 
 
-def failure_tick(settings: s.Failure, control_hz: int) -> int:
+def failure_tick(settings: kinds.Failure, control_hz: int) -> int:
     """Return the first tick at or after the failure's time; round-off in at_s * control_hz does not delay it."""
     return ceil(settings.at_s * control_hz - 1e-6)
 
 
-def health_history(scenario: s.Scenario) -> HealthHistory:
+def health_history(scenario: Scenario) -> HealthHistory:
     """Return the health over time from all failures of a scenario, in order of time; of two at once, the later in the file acts."""
     health: HealthHistory = healthy
     for failure in sorted(scenario.failures, key=lambda f: f.at_s):
-        health = registry.factory("failures", failure.kind)(failure, health, scenario.rates.control_hz)
+        health = families.factory("failures", failure.kind)(failure, health, scenario.rates.control_hz)
     return health
 
 
-def gusts(settings: Sequence[s.GustSettings]) -> Gusts:
+def gusts(settings: Sequence[kinds.GustSettings]) -> Gusts:
     """Return the sum of all gusts, m/s over time."""
     air: Gusts = calm
     for gust in settings:
@@ -247,12 +247,12 @@ def gusts(settings: Sequence[s.GustSettings]) -> Gusts:
     return air
 
 
-def loop_gain(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
+def loop_gain(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
     """Joint Kalman filter for alpha, q and K (Sillence Theorem 1): window, expanding or fading memory."""
     return LoopGain(loop_gain_config(settings), onboard)
 
 
-def differentiated_rls(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
+def differentiated_rls(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
     """Recursive least squares with variable forgetting on differentiated pitch rate: the baseline."""
     return DifferentiatedRls(
         RlsConfig(
@@ -267,7 +267,7 @@ def differentiated_rls(settings: s.EstimatorSettings, onboard: OnBoard) -> Estim
     )
 
 
-def two_stage(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator | SurfacesEstimator:
+def two_stage(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator | SurfacesEstimator:
     """Two-stage Kalman filter with forgetting (Wu, Zhang and Zhou 2000): of the elevator, or of all commanded surfaces."""
     forgetting: Forgetting = NoForgetting()
     if settings.memory == "fading":
@@ -297,7 +297,7 @@ def two_stage(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator | Su
     return TwoStageSurfaces(config, onboard)
 
 
-def loop_gain_config(settings: s.EstimatorSettings) -> LoopGainConfig:
+def loop_gain_config(settings: kinds.EstimatorSettings) -> LoopGainConfig:
     """Return the filter's settings in SI and radians."""
     prior = settings.prior
     return LoopGainConfig(

@@ -15,15 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from flightbed.assembly import assemble, names_of, sensor_noise
-from flightbed.blame import watched
 from flightbed.bound import bound, design_models, schedule_models
+from flightbed.config.own_code import named_by
+from flightbed.config.tracebacks import watched
 from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import Sample
 from flightbed.core.units import DEG
 from flightbed.core.versions import versions
 from flightbed.estimation.base import estimate_names
 from flightbed.excitation import with_excitation
-from flightbed.extension import named_by
 from flightbed.factories import failure_tick
 from flightbed.fused import ready, rows_of
 from flightbed.linear_aircraft import LinearAircraft

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from flightbed import settings as s
+from flightbed.config import kinds
 from flightbed.control.ackermann import AckermannConfig
 from flightbed.control.autothrottle import Autothrottle
 from flightbed.control.load_factor import POLES, LoadFactorDesign, LoadFactorLaw, gain_table, second_order
@@ -28,11 +28,11 @@ def _dtype(precision: str) -> Literal["float64", "float32"]:
     return "float32" if precision == "single" else "float64"
 
 
-def _poles(settings: s.Control) -> Sequence[complex]:
+def _poles(settings: kinds.Control) -> Sequence[complex]:
     return POLES if settings.poles is None else [complex(re, im) for re, im in settings.poles]
 
 
-def nz_scheduled(settings: s.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+def nz_scheduled(settings: kinds.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
     """Load factor with gains of alpha, q, error and its integral, scheduled over measured dynamic pressure (Kemp S 6.1)."""
     return NzScheduled(
         gain_table(design.points, _poles(settings)),
@@ -42,7 +42,7 @@ def nz_scheduled(settings: s.Control, design: LoadFactorDesign, control_hz: int)
     )
 
 
-def nz_adaptive(settings: s.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+def nz_adaptive(settings: kinds.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
     """Load factor by PLID and pole placement at every tick, around a pitch-rate loop (Kemp chapter 6)."""
     wanted, poles = settings.identification, _poles(settings)
     table = gain_table(design.points, poles)
@@ -75,7 +75,7 @@ def nz_adaptive(settings: s.Control, design: LoadFactorDesign, control_hz: int) 
     )
 
 
-def autothrottle(settings: s.Autothrottle, *, airspeed_m_s: float, control_hz: int) -> Autothrottle | None:
+def autothrottle(settings: kinds.Autothrottle, *, airspeed_m_s: float, control_hz: int) -> Autothrottle | None:
     """Return an autothrottle that holds the initial airspeed, and then_fps from then_at_s on; None if it is disabled."""
     if not settings.enabled:
         return None
@@ -88,7 +88,7 @@ def autothrottle(settings: s.Autothrottle, *, airspeed_m_s: float, control_hz: i
     )
 
 
-def plid(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
+def plid(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
     """Pseudo-linear identification (Kemp 1987) from elevator to pitch rate; K is the ratio of its numerator to the healthy one."""
     return PlidEffectiveness(
         PlidEffectivenessConfig(

@@ -8,10 +8,10 @@ from functools import partial
 from pathlib import Path
 
 from flightbed.assembly import assemble
-from flightbed.blame import guarded
+from flightbed.config.own_code import named_by
+from flightbed.config.tracebacks import guarded
 from flightbed.core.files import check_target
 from flightbed.core.signals import Sample
-from flightbed.extension import named_by
 from flightbed.flight_result import Result, Watch, fly_scenario
 from flightbed.folder import RUN, shown, write_run
 from flightbed.live import Live

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 
-from flightbed import registry
 from flightbed.aircraft import Aircraft, load_path
+from flightbed.config import families
 from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law
 from flightbed.control.load_factor import LoadFactorDesign, LoadFactorLaw
@@ -128,13 +128,13 @@ def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:
 
 def law_of(scenario: Scenario, design: ShortPeriod) -> Law:
     """Return a new law as specified by the scenario. Raises DesignError."""
-    law: Law = registry.factory("laws", scenario.control.law)(scenario.control, design, scenario.rates.control_hz)
+    law: Law = families.factory("laws", scenario.control.law)(scenario.control, design, scenario.rates.control_hz)
     return law
 
 
 def load_factor_law_of(scenario: Scenario, design: LoadFactorDesign) -> LoadFactorLaw:
     """Return a new load-factor law as specified by the scenario. Raises DesignError."""
-    law: LoadFactorLaw = registry.factory("laws", scenario.control.law)(
+    law: LoadFactorLaw = families.factory("laws", scenario.control.law)(
         scenario.control, design, scenario.rates.control_hz
     )
     return law

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from flightbed.config.overrides import replaced, setting
+from flightbed.config.own_code import Extension
 from flightbed.consistency import idle_keys
 from flightbed.core.versions import versions
-from flightbed.extension import Extension
-from flightbed.override import replaced, setting
 from flightbed.scenario import validated
 from flightbed.settings.campaign import AxisSettings, CampaignSettings
 from flightbed.settings.scenario import Scenario

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from flightbed.settings.scenario import EstimatorSettings, GustSettings, Scenario
+from flightbed.config.kinds import EstimatorSettings, GustSettings
+from flightbed.settings.scenario import Scenario
 
 KINDS = ("retrospective-cost", "input-kalman")
 _RETROSPECTIVE = ("order", "horizon", "regularization", "initial_covariance", "input_forgetting", "saturation_deg")

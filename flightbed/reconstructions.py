@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flightbed import settings as s
+from flightbed.config import kinds
 from flightbed.core.units import DEG
 from flightbed.estimation.base import Estimator, OnBoard
 from flightbed.estimation.following import FollowingConfig
@@ -11,7 +11,7 @@ from flightbed.estimation.reconstruction import ElevatorReconstruction, Reconstr
 from flightbed.estimation.reconstruction_methods import RetrospectiveSettings, WalkSettings
 
 
-def retrospective_cost(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
+def retrospective_cost(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
     """Unknown input by retrospective cost (Gupta and others 2012): the elevator's acting deflection and K, or a gust."""
     method = RetrospectiveSettings(
         order=settings.order,
@@ -24,13 +24,13 @@ def retrospective_cost(settings: s.EstimatorSettings, onboard: OnBoard) -> Estim
     return _reconstruction(settings, onboard, method)
 
 
-def input_kalman(settings: s.EstimatorSettings, onboard: OnBoard) -> Estimator:
+def input_kalman(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
     """Unknown input as a random walk in the state of a Kalman filter: the alternative to retrospective-cost."""
     return _reconstruction(settings, onboard, WalkSettings(step_rad=settings.input_step_deg * DEG))
 
 
 def _reconstruction(
-    settings: s.EstimatorSettings, onboard: OnBoard, method: RetrospectiveSettings | WalkSettings
+    settings: kinds.EstimatorSettings, onboard: OnBoard, method: RetrospectiveSettings | WalkSettings
 ) -> Estimator:
     scheduled = settings.model == "scheduled"
     disturbances = settings.alpha_disturbance_deg_s * DEG, settings.q_disturbance_deg_s2 * DEG

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flightbed.card import correction, flown, followed, kept_pace, outcome
+from flightbed.config.own_code import at_hand, permits
 from flightbed.core.estimate_names import estimator_of
 from flightbed.document import Cell, Document, Listing, Section, Table
 from flightbed.event_log import events, failures, gusts
-from flightbed.extension import at_hand, permits
 from flightbed.figures import pictures
 from flightbed.metrics import PHASES
 from flightbed.pull_up import PULL_UP_METRICS

@@ -223,10 +223,11 @@ def study_lines(document: Document, written: Path) -> Iterator[RenderableType]:
 
 def list_lines(family: str | None) -> Iterator[RenderableType]:
     """Yield names and descriptions, one per line, of one family or of all."""
-    from flightbed import registry
+    from flightbed.config import families
+    from flightbed.config.reading import read_toml
     from flightbed.core import data
     from flightbed.linear_aircraft import load_flyable
-    from flightbed.scenario import load_scenario, read_toml
+    from flightbed.scenario import load_scenario
 
     def entries(family: str) -> list[tuple[str, str]]:
         if family == "aircraft":
@@ -235,9 +236,9 @@ def list_lines(family: str | None) -> Iterator[RenderableType]:
             return [(name, load_scenario(name).description) for name in data.names("scenario")]
         if family == "campaigns":
             return [(name, str(read_toml(data.find_flights(name))["description"])) for name in data.names("campaign")]
-        return [(name, registry.summary(family, name)) for name in registry.names(family)]
+        return [(name, families.summary(family, name)) for name in families.names(family)]
 
-    for one in [family] if family else ["aircraft", "scenarios", "campaigns", *registry.FAMILIES]:
+    for one in [family] if family else ["aircraft", "scenarios", "campaigns", *families.FAMILIES]:
         if not family:
             yield f"[bold]{one}[/bold]"
         found = entries(one)

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from flightbed.config.own_code import named_by, using
 from flightbed.consistency import idle_keys
 from flightbed.core.errors import ScenarioError
 from flightbed.core.units import DEG
-from flightbed.extension import named_by, using
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
 from tests.lateral_flight import rolling

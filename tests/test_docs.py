@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 
 from flightbed.campaign_file import load_programme
+from flightbed.config.own_code import using
+from flightbed.config.table import known_keys
 from flightbed.core import data
-from flightbed.extension import using
 from flightbed.mission import run
 from flightbed.pacing import WallClock
 from flightbed.scenario import load_scenario
-from flightbed.settings.base import known_keys
 from flightbed.settings.campaign import CampaignSettings
 
 ROOT = Path(__file__).resolve().parents[1]

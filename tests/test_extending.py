@@ -16,7 +16,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from flightbed import cli, registry
+from flightbed import cli
+from flightbed.config import families
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
@@ -27,13 +28,13 @@ BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.DOTALL)
 def _there(folder: Path) -> Iterator[io.StringIO]:
     """Be in the folder, with what is installed there, and a short study; what was imported from it is forgotten afterwards."""
     modules, printed = set(sys.modules), io.StringIO()
-    registry._installed.cache_clear()
+    families._installed.cache_clear()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
         patch.chdir(folder)
         patch.syspath_prepend(folder / "installed")
-        patch.setitem(registry._BUILT_IN["studies"], "estimators", "tests.studies.short_comparison:estimators")
+        patch.setitem(families._BUILT_IN["studies"], "estimators", "tests.studies.short_comparison:estimators")
         yield printed
-    registry._installed.cache_clear()
+    families._installed.cache_clear()
     for name in set(sys.modules) - modules:
         if str(folder) in str(getattr(sys.modules[name], "__file__", "")):
             del sys.modules[name]

@@ -22,20 +22,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flightbed
-from flightbed import cli, registry
+from flightbed import cli
+from flightbed.config import families
+from flightbed.config.kinds import EstimatorSettings
+from flightbed.config.options import Options
+from flightbed.config.own_code import at_hand, check_named, load, named_by, permits, using
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.ensemble import Job, fly_jobs, processes
 from flightbed.estimation.base import OnBoard
 from flightbed.estimation.loop_gain import LoopGain
-from flightbed.extension import at_hand, check_named, load, named_by, permits, using
 from flightbed.factories import loop_gain_config
 from flightbed.failures.base import HealthHistory
 from flightbed.mission import run
-from flightbed.options import Options
 from flightbed.report import rerun_command
 from flightbed.scenario import load_scenario
-from flightbed.settings.scenario import EstimatorSettings
 from tests.command_line import flightbed as command_line
 
 FILTER = '''\
@@ -105,7 +106,7 @@ def test_every_place_that_names_code_asks_for_permission(key: str, family: str) 
     with pytest.raises(ScenarioError, match=f"--set {key}: 'a:b' is code outside flightbed; add --use a:b to allow it"):
         load_scenario("elevator-loss", [f"{key}=a:b"])
     with pytest.raises(ExtensionError, match="'a:b' is code outside flightbed"):
-        registry.factory(family, "a:b")
+        families.factory(family, "a:b")
 
 
 def test_permitted_code_flies_and_the_run_lists_it(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,14 +150,14 @@ def test_permission_ends_with_its_block(here: Path) -> None:
     with using("own_filter:Fixed"):
         scenario = load_scenario("nominal", [*QUICK, *OWN])
         found: list[int] = []
-        thread = Thread(target=lambda: found.append(len(registry.in_use())))
+        thread = Thread(target=lambda: found.append(len(families.in_use())))
         thread.start()
         thread.join()
         assert found == [0]
         with using({"inner": Still}):
-            assert set(registry.in_use()) == {"own_filter:Fixed", "inner"}
-        assert set(registry.in_use()) == {"own_filter:Fixed"}
-    assert registry.in_use() == {}
+            assert set(families.in_use()) == {"own_filter:Fixed", "inner"}
+        assert set(families.in_use()) == {"own_filter:Fixed"}
+    assert families.in_use() == {}
     with pytest.raises(ExtensionError, match=r"'own_filter:Fixed' is code outside flightbed; add --use"):
         flightbed.run(scenario)
 

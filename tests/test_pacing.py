@@ -17,8 +17,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flightbed import reconstruction_keys, registry
+from flightbed import reconstruction_keys
 from flightbed.card import kept_pace, run_card
+from flightbed.config import families
 from flightbed.event_log import events
 from flightbed.mission import run
 from flightbed.pacing import Spell, Timing, WallClock, late_spells, paced, punctuality, with_timings
@@ -270,7 +271,7 @@ def test_the_command_line_prints_the_real_time_performance(tmp_path: Path) -> No
 GUSTS = [(kind, ',unknown="gust"') for kind in reconstruction_keys.KINDS]
 
 
-@pytest.mark.parametrize(("kind", "more"), [*((kind, "") for kind in registry.names("estimators")), *GUSTS])
+@pytest.mark.parametrize(("kind", "more"), [*((kind, "") for kind in families.names("estimators")), *GUSTS])
 def test_nothing_is_compiled_in_flight(kind: str, more: str) -> None:
     """In a new process, where no other estimator has compiled anything: a first compilation takes seconds."""
     code = (

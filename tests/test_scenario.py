@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flightbed import registry
+from flightbed.config import families
 from flightbed.consistency import idle_keys
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, UnknownNameError
@@ -157,9 +157,9 @@ def test_every_key_of_a_command_is_either_used_or_an_error() -> None:
     """A key changes the sampled command exactly if --set accepts it."""
     t = np.arange(4000) / 100
     changes = {"amplitude_deg_s": 1.5, "period_s": 7.7, "count": 2, "start_s": 1.3, "low_hz": 0.6, "high_hz": 1.1, "switch_s": 0.4, "register_bits": 5, "seed": 3}  # fmt: skip
-    for kind in registry.names("commands"):
+    for kind in families.names("commands"):
         settings = load_scenario("elevator-loss", [f"command.kind={kind}"])
-        make, plain = registry.factory("commands", kind), settings.command
+        make, plain = families.factory("commands", kind), settings.command
         for key, value in changes.items():
             differs = not np.array_equal(make(plain.model_copy(update={key: value}))(t), make(plain)(t))
             assert differs != (f"command.{key}" in idle_keys(settings)), (kind, key)

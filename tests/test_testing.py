@@ -10,13 +10,14 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from flightbed import assembly, registry, testing
+from flightbed import assembly, testing
+from flightbed.config import families
+from flightbed.config.kinds import EstimatorSettings
 from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.estimation.base import OnBoard
 from flightbed.loop import Flight
 from flightbed.plan import Plan
-from flightbed.settings.scenario import EstimatorSettings
 from flightbed.testing import ContractError, check_estimator
 
 
@@ -157,11 +158,11 @@ class Slow(Sound):
 
 
 @pytest.mark.parametrize("model", ["scheduled", "short-period"])
-@pytest.mark.parametrize("kind", registry.names("estimators"))
+@pytest.mark.parametrize("kind", families.names("estimators"))
 def test_built_in_estimators_keep_the_contract(kind: str, model: str) -> None:
     # The check names the factory, not the kind, so the default memory of the kind does not apply.
     memory = {"memory": "variable", "window": 3} if kind == "two-stage" else {}
-    checked = check_estimator(registry.factory("estimators", kind), settings={"model": model, **memory})
+    checked = check_estimator(families.factory("estimators", kind), settings={"model": model, **memory})
     assert 0.0 < checked.microseconds_per_update < 1e4
     if model == "short-period":  # plant and model are equal
         assert 0.0 < checked.error_healthy < 0.1

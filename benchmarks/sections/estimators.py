@@ -15,8 +15,9 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from measuring import Column, Effort, Table
 
-from flightbed import registry
 from flightbed.assembly import sensor_noise
+from flightbed.config import families
+from flightbed.config.kinds import EstimatorSettings
 from flightbed.core.signals import Measurement
 from flightbed.core.timing import interleaved, ratios, seconds
 from flightbed.estimation.base import Estimator, OnBoard
@@ -24,7 +25,6 @@ from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.mission import fly
 from flightbed.plan import Plan, plan
 from flightbed.scenario import load_scenario
-from flightbed.settings.scenario import EstimatorSettings
 
 from .loop import ESTIMATORS, SCENARIO
 
@@ -91,7 +91,7 @@ def _onboard(planned: Plan) -> OnBoard:
 
 def _made(given: Mapping[str, Any], onboard: OnBoard) -> Estimator:
     settings = EstimatorSettings.model_validate({"name": "x", **given})
-    made: Estimator = registry.factory("estimators", settings.kind)(settings, onboard)
+    made: Estimator = families.factory("estimators", settings.kind)(settings, onboard)
     return made
 
 

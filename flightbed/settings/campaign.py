@@ -6,10 +6,16 @@ from collections import Counter
 from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
-from flightbed.settings.base import Identifier, OptionValue, Settings, between
+from flightbed.config.table import (
+    Field,
+    Identifier,
+    OptionValue,
+    PydanticCustomError,
+    Settings,
+    between,
+    model_validator,
+)
 
 Number = int | float
 Count = Annotated[int, between(1, 10_000_000)]

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tomli_w
-from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
-from flightbed.core.units import DEG
-from flightbed.settings.base import Identifier, NonNegative, OwnSettings, Positive, Settings, Share, between, registered
-from flightbed.settings.load_factor import Autothrottle, Identification
-
-LOAD_FACTOR_LAWS = ("nz-adaptive", "nz-scheduled")  # commanded in g
+from flightbed.config.kinds import (
+    LOAD_FACTOR_LAWS,
+    Command,
+    Control,
+    EstimatorSettings,
+    Failure,
+    GustSettings,
+    RollCommand,
+    SideslipCommand,
+)
+from flightbed.config.table import (
+    Field,
+    Identifier,
+    NonNegative,
+    Positive,
+    PydanticCustomError,
+    Settings,
+    between,
+    model_validator,
+)
 
 
 class AircraftSettings(Settings):
@@ -49,60 +60,6 @@ class Rates(Settings):
                 {"p": self.plant_hz, "c": self.control_hz},
             )
         return self
-
-
-class _Shape(OwnSettings):
-    kind: Annotated[str, registered("commands")] = "doublet"
-    period_s: Positive = 4.5
-    count: Annotated[int, between(0, 10000)] = 3
-    start_s: NonNegative = 0.0
-    low_hz: NonNegative = 0.2
-    high_hz: Positive = 2.0
-    switch_s: Positive = 0.3
-    register_bits: Annotated[int, between(2, 12)] = 4
-    seed: Annotated[int, between(0, 2**63 - 1)] = 0
-    filter_rad_s: NonNegative = 3.0
-
-
-class _RateCommand(_Shape):
-    amplitude_deg_s: float = 5.0
-
-    @model_validator(mode="before")
-    @classmethod
-    def _small_dither(cls, raw: Any) -> Any:
-        return {"amplitude_deg_s": 0.5, **raw} if isinstance(raw, Mapping) and raw.get("kind") == "dither" else raw
-
-
-class Command(_RateCommand):
-    """Pitch-rate or load-factor command and its prefilter w/(s+w); each kind ignores the keys that it does not need."""
-
-    amplitude_g: float = 1.0
-
-    def in_g(self) -> Command:
-        """Return a command whose pitch rate in rad/s equals this command's increment in g."""
-        return self.model_copy(update={"amplitude_deg_s": self.amplitude_g / DEG})
-
-
-class RollCommand(_RateCommand):
-    """Roll-rate command and its prefilter, with the keys of Command; the default kind is "none"."""
-
-    kind: Annotated[str, registered("commands")] = "none"
-
-    def as_command(self) -> Command:
-        """Return the equivalent Command."""
-        return Command(**{key: getattr(self, key) for key in _RateCommand.model_fields})
-
-
-class SideslipCommand(_Shape):
-    """Sideslip command in degrees and its prefilter, with the shapes of Command; the default kind is "none"."""
-
-    kind: Annotated[str, registered("commands")] = "none"
-    amplitude_deg: float = 2.0
-
-    def as_command(self) -> Command:
-        """Return a Command whose pitch rate in deg/s equals this sideslip in deg."""
-        shape = {key: getattr(self, key) for key in _Shape.model_fields}
-        return Command(**shape, amplitude_deg_s=self.amplitude_deg)
 
 
 class Lateral(Settings):
@@ -169,73 +126,6 @@ class ProcessNoise(Settings):
     q_std_deg_s2: NonNegative = 0.0
 
 
-class GustSettings(Settings):
-    """Vertical gust, up positive, from at_s on: a 1-cos rise to the peak, a hold and a mirrored fall; or a sine."""
-
-    shape: Literal["1-cos", "sine"] = "1-cos"
-    at_s: NonNegative
-    up_fps: Annotated[float, between(-500, 500)]
-    rise_s: Positive = 1.0
-    hold_s: NonNegative = 0.0
-    frequency_hz: Positive = 1.0
-
-
-class Failure(OwnSettings):
-    """A failure from at_s on; ``consistency.py`` lists the keys that each kind needs or ignores."""
-
-    kind: Annotated[str, registered("failures")] = "effectiveness"
-    surface: Literal["elevator", "aileron", "rudder"] = "elevator"
-    at_s: NonNegative
-    to: Share = 1.0
-    force_to: Share = 1.0
-    over_s: Positive = 2.0
-    side: Literal["low", "high"] = "high"
-    bias_deg: Annotated[float, between(-60, 60)] = 0.0
-    shift_cbar: Annotated[float, between(-0.5, 0.5)] = 0.0
-
-
-class GainSettings(Settings):
-    """Given gains of the pitch law, with the signs of ``control.base.Gains``."""
-
-    alpha: float
-    q_s: float
-    elevator: float
-    reference_s: float
-    integral: float = 0.0
-
-
-class PitchWeights(Settings):
-    """Weights of the law lq by Bryson's rule: these deviations of alpha, q and elevator cost the same."""
-
-    alpha_deg: Positive = 3.0
-    q_deg_s: Positive = 3.0
-    elevator_deg: Positive = 3.0
-
-
-class Control(OwnSettings):
-    """The control law; without poles and gains it is designed near the poles of Sillence's Table 3 (see docs/control.md).
-
-    The law reads the sensors, or alpha and q of the estimator named by ``state_from``.
-    """
-
-    law: Annotated[str, registered("laws")] = "proportional"
-    poles: tuple[tuple[float, float], ...] | None = None
-    integral_pole_rad_s: Annotated[float, between(-100.0, -1e-6)] = -0.5
-    gains: GainSettings | None = None
-    weights: PitchWeights = PitchWeights()
-    identification: Identification = Identification()
-    autothrottle: Autothrottle = Autothrottle()
-    state_from: str = ""
-
-    @model_validator(mode="after")
-    def _stable(self) -> Control:
-        if self.poles is not None and any(real >= 0.0 for real, _ in self.poles):
-            raise PydanticCustomError(
-                "poles", "poles must lie in the left half plane (got {p})", {"p": [list(pole) for pole in self.poles]}
-            )
-        return self
-
-
 class Adaptation(Settings):
     """Correction of the law by 1/K-hat of one estimator; ``oracle`` uses the true K, for studies.
 
@@ -250,101 +140,6 @@ class Adaptation(Settings):
     caution: Annotated[float, between(0, 10)] = 0.0
     limit_command: bool = False
     oracle: bool = False
-
-
-class Prior(Settings):
-    """Prior of a filter; state = "measurement" initializes alpha and q from the readings.
-
-    A fixed state is the prior at the first sample of the filter; ``first_reading`` decides whether the reading of that sample corrects it.
-    """
-
-    state: Literal["measurement", "fixed"] = "measurement"
-    first_reading: Literal["left-out", "used"] = "left-out"
-    alpha_deg: float = 0.0
-    q_deg_s: float = 0.0
-    alpha_std_deg: Positive = 1.0
-    q_std_deg_s: Positive = 1.0
-    effectiveness: Share = 1.0
-    effectiveness_std: Positive = 0.63
-
-
-# Defaults of a loop-gain estimator that depend on its model. On the short period they are those of Sillence's thesis.
-_BY_MODEL = MappingProxyType(
-    {
-        "short-period": MappingProxyType(
-            {
-                "alarm_threshold": 0.0,
-                "follow_disturbances": False,
-                "hold_std": 0.0,
-                "alpha_disturbance_deg_s": 0.6,
-                "q_disturbance_deg_s2": 6.0,
-            }
-        )
-    }
-)
-
-# Defaults that depend on the kind: the two-stage filter has no window, and its test averages few samples; the test of a reconstruction
-# averages more.
-_BY_KIND = MappingProxyType(
-    {
-        "two-stage": MappingProxyType({"memory": "variable", "window": 3}),
-        "retrospective-cost": MappingProxyType({"window": 45}),
-        "input-kalman": MappingProxyType({"window": 45}),
-    }
-)
-
-
-class EstimatorSettings(OwnSettings):
-    """One estimator; several may run side by side, at most one corrects the law. Some defaults depend on the kind and the model."""
-
-    name: Identifier
-    kind: Annotated[str, registered("estimators")] = "loop-gain"
-    model: Literal["scheduled", "short-period"] = "scheduled"
-    input: Literal["absolute", "deviation"] = "absolute"
-    input_at: Literal["mean", "start", "end"] = "mean"
-    memory: Literal["window", "expanding", "fading", "variable"] = "window"
-    window: Annotated[int, between(2, 10000)] = 30
-    forgetting: Annotated[float, between(0.5, 1)] = 0.98
-    smoothing: Annotated[float, between(0, 0.9999)] = 0.9
-    bounds: tuple[float, float] = (0.0, 1.0)
-    alarm_threshold: NonNegative = 30.0
-    follow_disturbances: bool = True
-    hold_std: NonNegative = 0.3
-    alpha_disturbance_deg_s: NonNegative = 0.05
-    q_disturbance_deg_s2: NonNegative = 0.3
-    beta_disturbance_deg_s: NonNegative = 0.05
-    p_disturbance_deg_s2: NonNegative = 1.0
-    r_disturbance_deg_s2: NonNegative = 0.3
-    variance_min: Positive = 2e-5
-    variance_max: Positive = 1.0
-    walk_std: NonNegative = 1e-4
-    false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-6
-    block_fade: Annotated[float, between(1, 2)] = 1.01
-    form: Literal["factored", "plain"] = "factored"
-    precision: Literal["double", "single"] = "double"
-    unknown: Literal["elevator", "gust"] = "elevator"
-    order: Annotated[int, between(1, 20)] = 4
-    horizon: Annotated[int, between(1, 20)] = 6
-    regularization: NonNegative = 1.0
-    initial_covariance: Positive = 0.01
-    input_forgetting: Annotated[float, between(0.5, 1)] = 1.0
-    saturation_deg: Positive = 30.0
-    input_step_deg: Positive = 0.1
-    offset_deg: Positive = 0.3
-    prior: Prior = Prior()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _by_model(cls, raw: Any) -> Any:
-        if not isinstance(raw, Mapping):
-            return raw
-        return {**_BY_MODEL.get(str(raw.get("model")), {}), **_BY_KIND.get(str(raw.get("kind")), {}), **raw}
-
-    @model_validator(mode="after")
-    def _ordered(self) -> EstimatorSettings:
-        if self.bounds[0] >= self.bounds[1]:
-            raise PydanticCustomError("bounds", "bounds must rise (got {b})", {"b": list(self.bounds)})
-        return self
 
 
 class Scenario(Settings):

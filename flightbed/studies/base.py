@@ -10,12 +10,12 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any, Self, TypeVar
 
+from flightbed.config.families import factory, in_use, names
 from flightbed.core.errors import InputError
 from flightbed.core.versions import versions
 from flightbed.document import Document, Section
 from flightbed.engine import Opener
 from flightbed.ensemble import Flown, Job, fly_jobs, run_jobs
-from flightbed.registry import factory, in_use, names
 
 Key = TypeVar("Key")
 Flights = list[list[Flown]]

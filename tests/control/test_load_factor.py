@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dimpulse
 
+from flightbed.config.kinds import Control, Identification
 from flightbed.control.ackermann import AckermannConfig, IntegralPlacement
 from flightbed.control.autothrottle import Autothrottle
 from flightbed.control.load_factor import (
@@ -33,8 +34,6 @@ from flightbed.core.units import DEG
 from flightbed.estimation.plid import PlidConfig, Tracking
 from flightbed.estimation.udu import FACTORED
 from flightbed.kemp_factories import nz_adaptive
-from flightbed.settings.load_factor import Identification
-from flightbed.settings.scenario import Control
 
 POINT = PitchPoint(
     14000.0, np.array([[-1.0, 0.906], [0.63, -1.04]]), np.array([0.051, -9.14]), np.array([15.2, 1.44]), -0.79

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed import registry
 from flightbed.assembly import assemble, sensor_noise
+from flightbed.config import families
 from flightbed.consistency import idle_keys
 from flightbed.core.actuator import Actuator, ActuatorOnBoard
 from flightbed.core.errors import ScenarioError
@@ -291,7 +291,7 @@ def test_readings_that_are_not_finite_give_nan_and_the_estimate_recovers(name: s
 def test_a_missing_schedule_is_an_error() -> None:
     planned = plan(load_scenario("nominal", ["estimators=[]", "adaptation.enabled=false"]))
     assert planned.schedule is None
-    onboard = registry.factory("estimators", "input-kalman")
+    onboard = families.factory("estimators", "input-kalman")
     settings = load_scenario("elevator-loss", BOTH).estimators[2]
     board = OnBoard(planned.design, sensor_noise(planned.scenario), 100)
     with pytest.raises(ValueError, match="the estimator's model is the schedule, but there is none on board"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from flightbed import registry
+from flightbed.config import families
 from flightbed.document import Section, Table
 from flightbed.ensemble import fly_jobs
 from flightbed.studies.base import Part
@@ -67,7 +67,7 @@ def test_inputs_have_the_same_energy(plant: str, name: str) -> None:
         assert inputs.amplitude(plant, name) == 0.0
         return
     scenario = inputs.flight(plant, name, inputs.WINDOW)
-    command = registry.factory("commands", scenario.command.kind)(scenario.command)
+    command = families.factory("commands", scenario.command.kind)(scenario.command)
     found, _ = quad(lambda t: float(np.degrees(command(np.array([t]))[0])) ** 2, 0.0, 16.5, limit=2000, epsabs=1.0)
     assert found == pytest.approx(
         13.5 * inputs.PLANTS[plant] ** 2, rel=0.01

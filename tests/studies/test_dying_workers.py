@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from flightbed import cli, registry, using
+from flightbed import cli, using
+from flightbed.config import families
 from flightbed.core.errors import InputError
 from flightbed.document import Section
 from flightbed.engine import DEATHS, Opener, opener
@@ -119,7 +120,7 @@ def test_on_a_dask_cluster_too(
     pytest.importorskip("distributed")
     folder = tmp_path / "markers"
     folder.mkdir()
-    monkeypatch.setitem(registry._BUILT_IN["studies"], "tiny", "tests.studies.tiny:tiny")
+    monkeypatch.setitem(families._BUILT_IN["studies"], "tiny", "tests.studies.tiny:tiny")
     with dask_cluster.scheduler(tmp_path) as address, dask_cluster.workers(address, tmp_path):
         with using("dying.py:estimator"):
             _assert_undisturbed(_results(dying, folder, opener(None, address)), dying, folder)

@@ -19,7 +19,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from flightbed import cli, registry
+from flightbed import cli
+from flightbed.config import families
 from flightbed.consistency import detectors
 from flightbed.document import Document, show
 from flightbed.ensemble import Job, fly_jobs
@@ -90,7 +91,7 @@ def _skeleton(text: str) -> list[tuple[list[str], list[str]]]:
 
 def test_every_estimator_of_the_registry_is_compared() -> None:
     compared = {entrant.settings["kind"] for entrant in ENTRANTS}
-    assert compared == {name for name in registry.names("estimators") if registry.is_built_in("estimators", name)}
+    assert compared == {name for name in families.names("estimators") if families.is_built_in("estimators", name)}
 
 
 @pytest.mark.parametrize("piece", ["assumed", "flights", "results", "alarms", "choice", "short"])
@@ -374,7 +375,7 @@ class Broken:
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working directory with mine.py in it, and the study over one short flight."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(registry._BUILT_IN["studies"], "estimators", "tests.studies.short_comparison:estimators")
+    monkeypatch.setitem(families._BUILT_IN["studies"], "estimators", "tests.studies.short_comparison:estimators")
     (tmp_path / "mine.py").write_text(OWN)
     return tmp_path
 

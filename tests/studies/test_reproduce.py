@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed import cli, registry
+from flightbed import cli
+from flightbed.config import families
 from flightbed.document import Section
 from flightbed.studies.base import Part, Results, Study, Trials, distinct_jobs, reproduce
 from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
@@ -24,7 +25,7 @@ from tests.test_journal import workers_of
 
 @pytest.fixture(autouse=True)
 def _registered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setitem(registry._BUILT_IN["studies"], "tiny", "tests.studies.tiny:tiny")
+    monkeypatch.setitem(families._BUILT_IN["studies"], "tiny", "tests.studies.tiny:tiny")
     monkeypatch.chdir(tmp_path)
 
 

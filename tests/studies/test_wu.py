@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flightbed import registry
+from flightbed.config import families
 from flightbed.control.lq import spectral_radius
 from flightbed.document import Claim, Picture, Section, Table
 from flightbed.ensemble import processes
@@ -271,7 +271,7 @@ def test_figures_2_to_8_are_drawn_from_their_runs() -> None:
 
 
 def test_the_study_is_registered_and_its_numbers_do_not_depend_on_the_executor() -> None:
-    study = registry.factory("studies", "wu")()
+    study = families.factory("studies", "wu")()
     assert study.name == "wu"
     small = type(study)(study.name, study.title, 1, lambda runs: [tables.accuracy(runs)])
     with ThreadPoolExecutor(2) as threads:

@@ -10,13 +10,13 @@ import argparse
 import numpy as np
 from cells import likely
 
-from flightbed import registry
 from flightbed.command.base import Vector, energy, profile, relative_peak_factor
 from flightbed.command.multisine import flat_phases, one_period, schroeder_phases
+from flightbed.config import families
+from flightbed.config.kinds import Command
 from flightbed.core.units import DEG
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
-from flightbed.settings.scenario import Command
 
 HZ = 100
 KINDS = ("constant", "doublet", "3-2-1-1", "chirp", "multisine", "random")
@@ -50,7 +50,7 @@ def table_of_kinds() -> None:
         sequence_s = 2 * (2**settings.register_bits - 1) * settings.switch_s if kind == "random" else settings.period_s
         ticks = round(sequence_s * settings.count * HZ)
         flown = profile(
-            registry.factory("commands", kind)(settings), ticks=ticks, control_hz=HZ, filter_rad_s=settings.filter_rad_s
+            families.factory("commands", kind)(settings), ticks=ticks, control_hz=HZ, filter_rad_s=settings.filter_rad_s
         )
         u, ref = flown.q_cmd_rad_s / DEG, flown.q_ref_rad_s / DEG
         print(

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from functools import partial
 
 from flightbed.assembly import assemble
+from flightbed.config.own_code import Extension, Packed, carried
 from flightbed.core.signals import Sample
 from flightbed.core.timing import interleaved, seconds
 from flightbed.estimation.base import Commanded
-from flightbed.extension import Extension, Packed, carried
 from flightbed.loop import fly, updater
 from flightbed.plan import Plan, plan
 from flightbed.settings.scenario import Scenario

@@ -8,10 +8,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from flightbed.config.families import in_use, summary
+from flightbed.config.kinds import EstimatorSettings
+from flightbed.config.reading import frozen, problems, read_toml
 from flightbed.core.errors import InputError, ScenarioError
-from flightbed.registry import in_use, summary
-from flightbed.scenario import frozen, problems, read_toml
-from flightbed.settings.scenario import EstimatorSettings
 from flightbed.studies.estimators.comparison import Comparison
 from flightbed.studies.estimators.entrants import UNDECLARED, Entrant
 from flightbed.testing import ContractError, check_estimator

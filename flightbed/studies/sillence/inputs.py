@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from flightbed import drawing, registry
+from flightbed import drawing
 from flightbed.command.base import energy
+from flightbed.config import families
 from flightbed.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings.scenario import Scenario
@@ -113,7 +114,7 @@ def amplitude(plant: str, name: str) -> float:
 def _energy_deg2_s(plant: str, name: str) -> float:
     """Return the energy, (deg/s)^2 s, over the flight of an input with the amplitude of the plant's doublets."""
     base = thesis(left=None, command={**INPUTS[name], "amplitude_deg_s": PLANTS[plant]})
-    command = registry.factory("commands", base.command.kind)(base.command)
+    command = families.factory("commands", base.command.kind)(base.command)
     hz = base.rates.control_hz
     return energy(np.degrees(command(np.arange(base.ticks) / hz)), control_hz=hz)
 

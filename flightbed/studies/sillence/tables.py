@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from flightbed.config.kinds import GainSettings
 from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
 from flightbed.document import Section, Table, show
 from flightbed.ensemble import Flown, Job
 from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.metrics import snr_db
-from flightbed.settings.scenario import GainSettings, Scenario
+from flightbed.settings.scenario import Scenario
 from flightbed.statistics.intervals import rank, spread
 from flightbed.studies.base import Flights, Part, keyed_part
 from flightbed.studies.sillence import printed

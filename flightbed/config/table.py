@@ -9,17 +9,20 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
-    Field,
     GetCoreSchemaHandler,
     GetPydanticSchema,
     SerializerFunctionWrapHandler,
     model_serializer,
 )  # fmt: skip
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic import Field as Field
+from pydantic import ValidationError as ValidationError
+from pydantic import model_validator as model_validator
+from pydantic_core import CoreSchema, core_schema
+from pydantic_core import PydanticCustomError as PydanticCustomError
 
-from flightbed import registry
+from flightbed.config import families
+from flightbed.config.options import Options, is_option
 from flightbed.core.errors import did_you_mean
-from flightbed.options import Options, is_option
 
 
 def between(low: float, high: float, *, open_low: bool = False) -> AfterValidator:
@@ -38,9 +41,9 @@ def registered(family: str) -> AfterValidator:
     """Return a validator that accepts the registered names of a family, such as "estimators"."""
 
     def check(value: str) -> str:
-        known = registry.names(family)
+        known = families.names(family)
         if value not in known:
-            if problem := registry.permission_problem(value):
+            if problem := families.permission_problem(value):
                 raise PydanticCustomError("outside", "{problem}", {"problem": problem})
             kind, near = family.removesuffix("s"), did_you_mean(value, known)
             raise PydanticCustomError(

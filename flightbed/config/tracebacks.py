@@ -9,18 +9,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flightbed import registry
+from flightbed.config import families
 from flightbed.core.errors import ExtensionError, FlightbedError
 
 if TYPE_CHECKING:
     from flightbed.core.signals import Sample
 
-_PACKAGE = str(Path(__file__).resolve().parent)
+_PACKAGE = str(Path(__file__).resolve().parents[1])
 _NOT_EXTERNAL = (_PACKAGE, sysconfig.get_path("stdlib"), "<")
 
 
 @contextmanager
-def watched(control_hz: int, used: Sequence[registry.Permitted] | None = None) -> Iterator[None]:
+def watched(control_hz: int, used: Sequence[families.Permitted] | None = None) -> Iterator[None]:
     """Convert an exception raised by external code, or by a value it returned, into one line with file, line and flight time.
 
     File, line and time are taken from the traceback; a flight without errors costs nothing.
@@ -33,7 +33,7 @@ def watched(control_hz: int, used: Sequence[registry.Permitted] | None = None) -
         ExtensionError: the converted error, with the original exception as its cause.
 
     """
-    own = tuple(registry.in_use().values()) if used is None else used
+    own = tuple(families.in_use().values()) if used is None else used
     try:
         yield
     except FlightbedError:
@@ -44,13 +44,13 @@ def watched(control_hz: int, used: Sequence[registry.Permitted] | None = None) -
         raise ExtensionError(_flight_message(error, own, control_hz)) from error
 
 
-def guarded(samples: Iterator[Sample], control_hz: int, used: Sequence[registry.Permitted]) -> Iterator[Sample]:
+def guarded(samples: Iterator[Sample], control_hz: int, used: Sequence[families.Permitted]) -> Iterator[Sample]:
     """Yield the samples; errors of external code are converted as by ``watched``. Raises ExtensionError."""
     with watched(control_hz, used):
         yield from samples
 
 
-def constructor_message(error: Exception, extension: registry.Permitted) -> str:
+def constructor_message(error: Exception, extension: families.Permitted) -> str:
     """Return the message for an exception raised by an external factory."""
     found = _own_frame(error, [extension])
     text = line_of(error)
@@ -58,7 +58,7 @@ def constructor_message(error: Exception, extension: registry.Permitted) -> str:
     return f"own code {extension.name}: cannot be built: {problem}"
 
 
-def _flight_message(error: Exception, own: Sequence[registry.Permitted], control_hz: int) -> str:
+def _flight_message(error: Exception, own: Sequence[families.Permitted], control_hz: int) -> str:
     frames = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__)]
     looping = [f for f, _ in frames if f.f_globals.get("__name__") == "flightbed.loop" and f.f_code.co_name == "fly"]
     tick = looping[0].f_locals.get("tick") if looping else None
@@ -73,7 +73,7 @@ def _flight_message(error: Exception, own: Sequence[registry.Permitted], control
     )
 
 
-def _own_frame(error: Exception, own: Sequence[registry.Permitted]) -> tuple[str, str] | None:
+def _own_frame(error: Exception, own: Sequence[families.Permitted]) -> tuple[str, str] | None:
     """Return the name of the external code in the innermost external frame, and the "file:line" of that frame."""
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         file, inside = frame.f_code.co_filename, frame.f_code.co_qualname.partition(".")[0]

@@ -21,8 +21,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from flightbed import registry
-from flightbed.blame import constructor_message, line_of, location
+from flightbed.config import families
+from flightbed.config.tracebacks import constructor_message, line_of, location
 from flightbed.core.errors import ExtensionError, FlightbedError, InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def using(*own: str | Mapping[str, Callable[..., Any]]) -> Iterator[None]:
         ExtensionError: a name cannot be imported, is not callable, or is the name of a built-in or installed factory.
 
     """
-    found = dict(registry.in_use())
+    found = dict(families.in_use())
     for item in own:
         if not isinstance(item, str | Mapping):
             raise ExtensionError(
@@ -135,7 +135,7 @@ def using(*own: str | Mapping[str, Callable[..., Any]]) -> Iterator[None]:
             )
         for extension in [load(item)] if isinstance(item, str) else [_from_object(n, f) for n, f in item.items()]:
             found[extension.name] = extension
-    with registry.permitted(found):
+    with families.permitted(found):
         yield
 
 
@@ -143,7 +143,7 @@ def using(*own: str | Mapping[str, Callable[..., Any]]) -> Iterator[None]:
 def carried(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
     """Permit the extensions of a job inside the ``with`` block; those packed by another process are loaded first."""
     loaded = [e.unpack() if isinstance(e, Packed) else e for e in extensions]
-    with registry.permitted({**registry.in_use(), **{e.name: e for e in loaded}}):
+    with families.permitted({**families.in_use(), **{e.name: e for e in loaded}}):
         yield
 
 
@@ -161,7 +161,7 @@ def named_by(scenario: Scenario) -> tuple[Extension, ...]:
     """Return the permitted external code named by a scenario, without duplicates."""
     lateral = (scenario.lateral.roll.kind, scenario.lateral.sideslip.kind) if scenario.lateral.enabled else ()
     kinds = (scenario.command.kind, *lateral, *(f.kind for f in scenario.failures), scenario.control.law)
-    own = registry.in_use()
+    own = families.in_use()
     found = (own.get(kind) for kind in dict.fromkeys((*kinds, *(e.kind for e in scenario.estimators))))
     return tuple(extension for extension in found if isinstance(extension, Extension))
 
@@ -209,8 +209,8 @@ def _from_object(name: str, factory: Callable[..., Any]) -> Extension:
         raise ExtensionError(
             f"own code {name!r}: a name must be letters, digits, - and _, and start with a letter or digit"
         )
-    for family in registry.FAMILIES:
-        if registry.is_taken(family, name):
+    for family in families.FAMILIES:
+        if families.is_taken(family, name):
             raise ExtensionError(f"own code {name}: is the name of one of flightbed's {family}; choose another")
     if not callable(factory):
         raise ExtensionError(

@@ -1,0 +1,66 @@
+"""TOML files and validation errors as lines with place, value and cure."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from flightbed.config.messages import brief, message
+from flightbed.config.table import ValidationError, known_keys
+from flightbed.core import data
+from flightbed.core.errors import ScenarioError, did_you_mean
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the contents of a TOML file. Raises ScenarioError."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError([f"{shown(path)}: cannot be read: {error}"]) from None
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError([f"{shown(path)}: not TOML: {error}"]) from None
+
+
+def frozen(value: Any) -> Any:
+    """Return nested lists as tuples: strict validation rejects a list where a tuple is declared."""
+    if isinstance(value, Mapping):
+        return {key: frozen(inner) for key, inner in value.items()}
+    return tuple(map(frozen, value)) if isinstance(value, list | tuple) else value
+
+
+def shown(path: Path) -> str:
+    """Return the name of a scenario or campaign file in errors: its path in the source tree if it is shipped."""
+    for kind, folder in (("scenario", "scenarios"), ("campaign", "scenarios/campaigns")):
+        if path.parent == data.shipped(kind):
+            return f"{folder}/{path.name}"
+    return str(path)
+
+
+def problems(
+    error: ValidationError, place: str, origins: Mapping[str, str] = MappingProxyType({}), *, model: type
+) -> list[str]:
+    """Return the problems of a validation, one line each, with place, value and cure."""
+
+    def origin_of(key: str) -> str:
+        """Return the origin of a key or of a key inside it, with its separator."""
+        origin = next((o for k, o in origins.items() if k == key or k.startswith(f"{key}.")), None)
+        return f"{place}: " if origin is None else f"{origin} " if origin == "--set" else f"{origin}: "
+
+    found = []
+    for item in error.errors(include_url=False):
+        key = ".".join(str(part) for part in item["loc"])
+        if item["type"] == "consistency":
+            found += [f"{place}: {key}{': ' if key else ''}{line}" for line in item["msg"].splitlines()]
+        elif item["type"] == "extra_forbidden":
+            known = known_keys(model, item["loc"][:-1])
+            hint = did_you_mean(str(item["loc"][-1]), known) or f"; known: {', '.join(known)}"
+            found.append(f"{origin_of(key).rstrip(': ')}: unknown key {key}{hint}")
+        else:
+            exact = origin_of(key) if key in origins else f"{place}: "
+            silent = item["type"] in ("missing", "rates", "bounds", "poles", "outside")
+            got = "" if silent else f" (got {brief(item['input'])})"
+            found.append(f"{exact}{key}: {message(item)}{got}")
+    return found
