@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flightbed import drawing, palette
 from flightbed.campaign_multiples import left_out, of_points
 from flightbed.campaign_result import Campaign
 from flightbed.core.estimate_names import numbered
-from flightbed.document import Picture, Section
+from flightbed.document import drawing, palette
+from flightbed.document.document import Picture, Section
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.figures import MARGIN, mark_changes
 from flightbed.programme import SHOWN, few

@@ -19,7 +19,7 @@ from flightbed.programme import Programme, scenario_of
 def finish(campaign: Campaign, book: Journal) -> None:
     """Write the files of a finished campaign, the summary last, and remove the files of the unfinished one. Raises OutputError."""
     from flightbed.campaign_report import campaign_report
-    from flightbed.page import render
+    from flightbed.document.html import render
 
     programme = campaign.programme
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flightbed import drawing, palette
 from flightbed.campaign_points import value_words
 from flightbed.campaign_result import Campaign
 from flightbed.core.estimate_names import numbered
-from flightbed.document import Picture
+from flightbed.document import drawing, palette
+from flightbed.document.document import Picture
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.figures import MARGIN, mark_changes
 from flightbed.programme import MOST_REMEMBERED, SHOWN, few, values_of

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flightbed import drawing
 from flightbed.campaign_result import Campaign
 from flightbed.campaign_summary import CampaignSummary, FlightsSummary, ShareSummary
-from flightbed.document import Cell, Picture, Section, Table, show
+from flightbed.document import drawing
+from flightbed.document.document import Cell, Picture, Section, Table, show
 from flightbed.programme import values_of
 from flightbed.settings.campaign import AxisSettings, Criterion
 from flightbed.statistics.intervals import Interval

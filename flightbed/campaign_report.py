@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flightbed import drawing, palette
 from flightbed.campaign_ensembles import histories_sections
 from flightbed.campaign_lead import flight_label, lead, median_cell
 from flightbed.campaign_points import points_section
@@ -16,7 +15,8 @@ from flightbed.card import FOLLOWED, flown, outcome
 from flightbed.config.own_code import at_hand, permits
 from flightbed.core.estimate_names import numbered
 from flightbed.core.units import unit_of
-from flightbed.document import Cell, Document, Listing, Picture, Section, Table
+from flightbed.document import drawing, palette
+from flightbed.document.document import Cell, Document, Listing, Picture, Section, Table
 from flightbed.figures import pictures
 from flightbed.flight_result import Result
 from flightbed.pull_up import PULL_UP_METRICS

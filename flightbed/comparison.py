@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightbed import palette
 from flightbed.card import outcome
 from flightbed.consistency import idle_keys
 from flightbed.core.errors import FlightbedError, OutputError
 from flightbed.core.estimate_names import estimate_name
-from flightbed.document import Cell, Table
+from flightbed.document import palette
+from flightbed.document.document import Cell, Table
 from flightbed.metrics import SETTLING_S, EstimatorMetrics
 from flightbed.run_summary import RunSummary
 from flightbed.scenario import load_scenario

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from flightbed.comparison import Run, to_dict
 from flightbed.core.files import FolderKind, to_json, write_folder
-from flightbed.document import Document
-from flightbed.page import render
+from flightbed.document.document import Document
+from flightbed.document.html import render
 from flightbed.telemetry.comparing import write_comparison as record
 
 COMPARISON = FolderKind("comparison", frozenset({"comparison.rrd", "comparison.json", "report.html"}))

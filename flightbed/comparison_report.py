@@ -6,9 +6,9 @@ import shlex
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from flightbed import drawing, palette
 from flightbed.comparison import Run, differing, metrics_table, same_line
-from flightbed.document import Document, Picture, Section
+from flightbed.document import drawing, palette
+from flightbed.document.document import Document, Picture, Section
 from flightbed.trace import Vector
 
 _ROWS = (

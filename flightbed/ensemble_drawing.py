@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from flightbed import drawing
 from flightbed.campaign_result import Campaign
+from flightbed.document import drawing
 from flightbed.statistics.histories import PERCENTILES, Ensemble
 
 if TYPE_CHECKING:

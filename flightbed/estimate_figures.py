@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flightbed import drawing, palette
 from flightbed.core.estimate_names import numbered, of_surface, surface_of
 from flightbed.core.signals import SURFACES
+from flightbed.document import drawing, palette
 from flightbed.statistics.intervals import chi_square_bound
 from flightbed.trace import true_share
 

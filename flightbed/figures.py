@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from flightbed import drawing
 from flightbed.core.estimate_names import of_surface
 from flightbed.core.units import DEG
+from flightbed.document import drawing
 from flightbed.estimate_figures import (
     effectiveness,
     estimated_surfaces,
@@ -27,7 +27,7 @@ from flightbed.metrics import PHASES, at_stop
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from flightbed.document import Picture
+    from flightbed.document.document import Picture
     from flightbed.flight_result import Result
     from flightbed.settings.scenario import Scenario
 
@@ -69,7 +69,7 @@ def pictures(result: Result, keys: tuple[str, ...] | None = None) -> list[Pictur
 
 
 def _picture(key: str, figure: Figure, result: Result) -> Picture:
-    from flightbed.document import Picture
+    from flightbed.document.document import Picture
 
     t = result.trace["t_s"]
     with drawing.canvas(figure.rows(result), height=figure.height, margin=MARGIN) as (axes, svg):

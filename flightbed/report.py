@@ -12,7 +12,7 @@ import numpy as np
 from flightbed.card import correction, flown, followed, kept_pace, outcome
 from flightbed.config.own_code import at_hand, permits
 from flightbed.core.estimate_names import estimator_of
-from flightbed.document import Cell, Document, Listing, Section, Table
+from flightbed.document.document import Cell, Document, Listing, Section, Table
 from flightbed.event_log import events, failures, gusts
 from flightbed.figures import pictures
 from flightbed.metrics import PHASES

@@ -15,8 +15,8 @@ from rich.table import Table
 from rich.text import Text
 
 from flightbed.card import correction, followed, kept_pace, outcome
-from flightbed.document import Table as Rows
-from flightbed.document import show
+from flightbed.document.document import Table as Rows
+from flightbed.document.document import show
 from flightbed.event_log import failures
 from flightbed.metrics import PHASES
 from flightbed.statistics.intervals import Interval
@@ -24,7 +24,7 @@ from flightbed.statistics.intervals import Interval
 if TYPE_CHECKING:
     from flightbed.campaign_result import Campaign
     from flightbed.comparison import Run
-    from flightbed.document import Document
+    from flightbed.document.document import Document
     from flightbed.flight_result import Result
     from flightbed.metrics import EstimatorMetrics, Metrics
     from flightbed.run_summary import RunSummary

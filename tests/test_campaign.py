@@ -16,7 +16,6 @@ import pytest
 from rich.console import Console
 
 from flightbed import campaign as campaigns
-from flightbed import drawing
 from flightbed.campaign_flights import HISTORIES
 from flightbed.campaign_folder import finish
 from flightbed.campaign_report import campaign_report
@@ -24,11 +23,12 @@ from flightbed.campaign_result import Campaign, worst_of
 from flightbed.campaign_summary import QuantitySummary
 from flightbed.campaign_table import Quantity, Row, passes
 from flightbed.core.errors import InputError, OutputError
+from flightbed.document import drawing
+from flightbed.document.html import render
 from flightbed.ensemble import processes
 from flightbed.journal import Journal, journal
 from flightbed.metrics import EstimatorMetrics
 from flightbed.mission import run
-from flightbed.page import render
 from flightbed.scenario import load_scenario
 from flightbed.screen import campaign_lines
 from flightbed.settings.campaign import Criterion

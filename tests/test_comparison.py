@@ -13,9 +13,9 @@ import pytest
 from flightbed import comparison
 from flightbed.comparison_report import comparison_report
 from flightbed.core.errors import OutputError
+from flightbed.document.html import render
 from flightbed.folder import recording_of
 from flightbed.mission import run
-from flightbed.page import render
 from flightbed.scenario import load_scenario
 from flightbed.telemetry import viewer
 from tests.command_line import assert_one_clear_line, flightbed

@@ -8,7 +8,7 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from flightbed.document import Cell, Claim, Document, Picture, Section, Table, show
+from flightbed.document.document import Cell, Claim, Document, Picture, Section, Table, show
 from flightbed.statistics.intervals import Interval, Spread, outcome
 
 TABLE = Table("t", "A table", ("name", "K"), [["a", 0.12345], ["b", Spread(4, 1, 0.5, nan, inf)]], {"K": ".2f"})

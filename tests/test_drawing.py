@@ -10,7 +10,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from flightbed import drawing
+from flightbed.document import drawing
 
 COLOURS = re.compile(r"#[0-9a-f]{6}\b")
 REFERENCES = re.compile(r'url\(#([^)]*)\)|href="#([^"]*)"')

@@ -10,9 +10,9 @@ import pytest
 
 from flightbed.core.errors import OutputError
 from flightbed.core.files import check_target
-from flightbed.document import Claim, Document, Section, Table
+from flightbed.document.document import Claim, Document, Section, Table
+from flightbed.document.html import render
 from flightbed.folder import RUN
-from flightbed.page import render
 from flightbed.statistics.intervals import Interval
 from flightbed.studies.folder import STUDY, write_study
 

@@ -12,10 +12,11 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from flightbed import campaign, comparison, palette
+from flightbed import campaign, comparison
 from flightbed.comparison_report import comparison_report
+from flightbed.document import palette
+from flightbed.document.html import render
 from flightbed.mission import run
-from flightbed.page import render
 from flightbed.scenario import load_scenario
 
 _BROWSER = next(

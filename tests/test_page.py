@@ -9,9 +9,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from flightbed.document import Claim, Document, Listing, Picture, Section, Table
-from flightbed.drawing import distinct
-from flightbed.page import render
+from flightbed.document.document import Claim, Document, Listing, Picture, Section, Table
+from flightbed.document.drawing import distinct
+from flightbed.document.html import render
 from flightbed.statistics.intervals import Interval, Spread, outcome
 from tests.test_drawing import draw
 

@@ -7,7 +7,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from flightbed import palette
+from flightbed.document import palette
 
 COLORS = {name: getattr(palette, name) for name in ("REFERENCE", "ACTUAL", "COMMAND", "TRUTH", "FAILURE", "OTHER")}
 BACKGROUNDS = ("#ffffff", "#0d1011")

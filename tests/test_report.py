@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flightbed import drawing, palette
 from flightbed.core import data
-from flightbed.document import Document, Listing, show
+from flightbed.document import drawing, palette
+from flightbed.document.document import Document, Listing, show
+from flightbed.document.html import render
 from flightbed.figures import pictures
 from flightbed.flight_result import Result
 from flightbed.metrics import EstimatorMetrics
 from flightbed.mission import run
-from flightbed.page import render
 from flightbed.report import ESTIMATOR_METRICS, run_report
 from flightbed.scenario import load_scenario
 from flightbed.statistics.intervals import chi_square_bound

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from flightbed.document import Claim, Document, Picture, Section, Table
+from flightbed.document.document import Claim, Document, Picture, Section, Table
 from flightbed.screen import study_lines
 from flightbed.statistics.intervals import Interval, spread
 

@@ -17,12 +17,12 @@ from flightbed.bound import bound, schedule_models
 from flightbed.core.files import heap_set_aside
 from flightbed.core.timing import differences, interleaved, ratios, seconds
 from flightbed.core.units import DEG
+from flightbed.document.html import render
 from flightbed.flight_result import Result, fly_plan
 from flightbed.folder import shown
 from flightbed.fused import rows_of
 from flightbed.metrics import measure as metrics_of
 from flightbed.mission import run
-from flightbed.page import render
 from flightbed.report import run_report
 from flightbed.scenario import load_scenario
 from flightbed.telemetry.recording import write_recording

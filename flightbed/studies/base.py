@@ -13,7 +13,7 @@ from typing import Any, Self, TypeVar
 from flightbed.config.families import factory, in_use, names
 from flightbed.core.errors import InputError
 from flightbed.core.versions import versions
-from flightbed.document import Document, Section
+from flightbed.document.document import Document, Section
 from flightbed.engine import Opener
 from flightbed.ensemble import Flown, Job, fly_jobs, run_jobs
 

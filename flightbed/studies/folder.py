@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from flightbed.core.files import FolderKind, to_json, write_folder
-from flightbed.document import Document
-from flightbed.page import render
+from flightbed.document.document import Document
+from flightbed.document.html import render
 
 STUDY = FolderKind("study", frozenset({"report.html", "results.json"}))
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flightbed.document import Claim
+from flightbed.document.document import Claim
 from flightbed.statistics.intervals import Interval, median_interval, share
 
 MOST = 0.95  # share of the runs that is counted as all runs

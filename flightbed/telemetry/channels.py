@@ -8,9 +8,9 @@ from math import ceil, floor, log10
 
 import numpy as np
 
-from flightbed import palette
 from flightbed.core.estimate_names import estimate_name, numbered, of_surface
 from flightbed.core.units import unit_of
+from flightbed.document import palette
 from flightbed.statistics.intervals import chi_square_bound
 from flightbed.trace import ACTING, GUST_ALPHA, Trace, Vector, true_share
 

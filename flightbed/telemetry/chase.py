@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from flightbed import palette
 from flightbed.core.estimate_names import estimate_name
 from flightbed.core.units import DEG, FT
+from flightbed.document import palette
 from flightbed.telemetry import mesh
 from flightbed.telemetry.layout import TIMELINE
 from flightbed.trace import Trace, true_share

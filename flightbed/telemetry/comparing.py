@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 import rerun as rr
 
-from flightbed import palette
 from flightbed.comparison import Run, same_line
 from flightbed.core.errors import OutputError
-from flightbed.document import Table
+from flightbed.document import palette
+from flightbed.document.document import Table
 from flightbed.telemetry import layout
 from flightbed.telemetry.channels import AIRFRAME, OVERVIEW, ROLL_YAW, Plot
 from flightbed.telemetry.chase import Aircraft, positions, set_time, time_of

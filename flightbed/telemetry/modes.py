@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flightbed import palette
 from flightbed.core.actuator import Actuator
 from flightbed.core.estimate_names import estimate_name
 from flightbed.core.units import DEG
+from flightbed.document import palette
 from flightbed.metrics import at_stop
 from flightbed.trace import Trace, true_share
 

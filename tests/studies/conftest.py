@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from flightbed.document import Section
+from flightbed.document.document import Section
 from flightbed.ensemble import Flown, fly_jobs, processes
 from flightbed.studies.base import Part, distinct_jobs
 from flightbed.studies.sillence import printed, setup, tables

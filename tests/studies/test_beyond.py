@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 from flightbed.config import families
-from flightbed.document import Section, Table
+from flightbed.document.document import Section, Table
 from flightbed.ensemble import fly_jobs
 from flightbed.studies.base import Part
 from flightbed.studies.sillence import aircraft, damage, examples, inputs, level, variants

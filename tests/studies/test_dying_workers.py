@@ -15,7 +15,7 @@ import pytest
 from flightbed import cli, using
 from flightbed.config import families
 from flightbed.core.errors import InputError
-from flightbed.document import Section
+from flightbed.document.document import Section
 from flightbed.engine import DEATHS, Opener, opener
 from flightbed.ensemble import Job, fly_jobs
 from flightbed.scenario import Scenario, load_scenario

@@ -9,7 +9,7 @@ import control
 import numpy as np
 import pytest
 
-from flightbed.document import Claim
+from flightbed.document.document import Claim
 from flightbed.ensemble import processes
 from flightbed.estimation.input_model import invariant_zeros
 from flightbed.studies.base import reproduce, run_trials

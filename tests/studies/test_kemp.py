@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed.document import Document
-from flightbed.page import render
+from flightbed.document.document import Document
+from flightbed.document.html import render
 from flightbed.statistics.intervals import Interval, share
 from flightbed.studies.base import reproduce
 from flightbed.studies.kemp import adaptive, identification, methods, plants, printed, tracking

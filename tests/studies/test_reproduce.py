@@ -16,7 +16,7 @@ import pytest
 
 from flightbed import cli
 from flightbed.config import families
-from flightbed.document import Section
+from flightbed.document.document import Section
 from flightbed.studies.base import Part, Results, Study, Trials, distinct_jobs, reproduce
 from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
 from tests.studies.tiny import tiny

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from flightbed.document import Claim, Picture, Table
+from flightbed.document.document import Claim, Picture, Table
 from flightbed.ensemble import fly_jobs
 from flightbed.flight_result import fly_plan
 from flightbed.plan import plan

@@ -10,7 +10,7 @@ import pytest
 
 from flightbed.config import families
 from flightbed.control.lq import spectral_radius
-from flightbed.document import Claim, Picture, Section, Table
+from flightbed.document.document import Claim, Picture, Section, Table
 from flightbed.ensemble import processes
 from flightbed.estimation.bias_test import (
     calibrated_threshold,

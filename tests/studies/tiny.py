@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from flightbed.document import Section, Table
+from flightbed.document.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, Study, keyed_part

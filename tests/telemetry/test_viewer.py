@@ -11,8 +11,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from flightbed import palette
 from flightbed.core.errors import InputError, OutputError
+from flightbed.document import palette
 from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.mission import run

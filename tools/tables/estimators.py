@@ -14,7 +14,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from flightbed.document import Document, Table
+from flightbed.document.document import Document, Table
 from flightbed.ensemble import processes
 from flightbed.studies.base import reproduce
 from flightbed.studies.estimators.comparison import Comparison

@@ -27,7 +27,7 @@ from cells import likely
 
 from flightbed.assembly import assemble
 from flightbed.core.timing import spread
-from flightbed.document import show
+from flightbed.document.document import show
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.estimation.base import Commanded, SurfacesEstimator
 from flightbed.loop import fly

@@ -24,7 +24,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from flightbed.document import show
+from flightbed.document.document import show
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.estimation.bias_test import chi_square_threshold
 from flightbed.scenario import load_scenario

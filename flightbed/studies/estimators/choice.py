@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from math import inf, nan
 from statistics import median
 
-from flightbed.document import Table, show
+from flightbed.document.document import Table, show
 from flightbed.statistics.intervals import Interval, median_interval
 from flightbed.studies.estimators.entrants import CHANGED, FIXED, TRUE_K, UNEXPLAINED
 from flightbed.studies.estimators.flights import Flight

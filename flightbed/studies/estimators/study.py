@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flightbed.document import Section
+from flightbed.document.document import Section
 from flightbed.studies.base import Part, Study, keyed_part
 from flightbed.studies.estimators.choice import by_flight, reading
 from flightbed.studies.estimators.comparison import Comparison, Key

@@ -6,7 +6,7 @@ from math import inf
 from statistics import median
 
 from flightbed.core.timing import spread
-from flightbed.document import Cell, Table, show
+from flightbed.document.document import Cell, Table, show
 from flightbed.metrics import SETTLING_S
 from flightbed.statistics.intervals import Interval, median_interval, share
 from flightbed.studies.estimators.entrants import CHANGED, FIXED, HEALTHY, TRUE_K, UNEXPLAINED, Entrant

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from flightbed.document import Claim, Section
+from flightbed.document.document import Claim, Section
 from flightbed.statistics.intervals import median_interval
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import printed

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flightbed import drawing
-from flightbed.document import Picture, Section
+from flightbed.document import drawing
+from flightbed.document.document import Picture, Section
 from flightbed.studies.base import Part, Results, Trials
 from flightbed.studies.gupta import printed
 from flightbed.studies.gupta.tables import SMALL

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flightbed.document import Section, Table
+from flightbed.document.document import Section, Table
 from flightbed.estimation.input_model import InputModel
 from flightbed.estimation.input_observer import (
     InputDynamics,

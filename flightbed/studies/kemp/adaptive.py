@@ -9,7 +9,7 @@ import numpy as np
 
 from flightbed.control import placement
 from flightbed.control.ackermann import augment
-from flightbed.document import Claim, Section, Table
+from flightbed.document.document import Claim, Section, Table
 from flightbed.statistics.intervals import share, spread
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.judging import above, below, computed, mostly

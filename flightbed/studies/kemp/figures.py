@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from flightbed import drawing
-from flightbed.document import Picture, Section
+from flightbed.document import drawing
+from flightbed.document.document import Picture, Section
 from flightbed.studies.base import Part, Results, Trials
 from flightbed.studies.kemp import methods, plants, printed
 from flightbed.studies.kemp.adaptive import FIRST, PLACED, controllers

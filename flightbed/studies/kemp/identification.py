@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flightbed.document import Claim, Section, Table
+from flightbed.document.document import Claim, Section, Table
 from flightbed.statistics.intervals import Interval, median_interval, spread, student_interval
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.judging import above, below, between, beyond, computed, mostly

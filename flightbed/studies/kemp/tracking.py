@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.document import Claim, Section, Table
+from flightbed.document.document import Claim, Section, Table
 from flightbed.statistics.intervals import median_interval, spread
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.judging import above, below, between, mostly, rarely

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flightbed import drawing
 from flightbed.core import data
-from flightbed.document import Cell, Picture, Section, Table
+from flightbed.document import drawing
+from flightbed.document.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job, histories
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.statistics.intervals import outcome, spread

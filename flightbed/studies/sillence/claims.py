@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flightbed.document import Claim, Section, Table
+from flightbed.document.document import Claim, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings.scenario import Scenario
 from flightbed.statistics.intervals import median_interval, spread

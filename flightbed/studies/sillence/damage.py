@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from flightbed.document import Cell, Section, Table
+from flightbed.document.document import Cell, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings.scenario import Scenario
 from flightbed.statistics.intervals import Spread, share, spread

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
 from flightbed.core.units import DEG
-from flightbed.document import Section, Table
+from flightbed.document.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.estimation.record import batch_estimate, estimate_record
 from flightbed.estimation.regression import difference_noise_covariance, least_squares

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flightbed import drawing
 from flightbed.control.design import reference_gain
-from flightbed.document import Picture, Section
+from flightbed.document import drawing
+from flightbed.document.document import Picture, Section
 from flightbed.ensemble import Flown, Job
 from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.short_period import zero_order_hold

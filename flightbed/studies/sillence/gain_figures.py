@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flightbed import drawing
+from flightbed.document import drawing
 from flightbed.ensemble import Flown
 from flightbed.scenario import Scenario
 from flightbed.studies.sillence import plots, printed, setup

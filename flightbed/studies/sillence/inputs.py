@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from flightbed import drawing
 from flightbed.command.base import energy
 from flightbed.config import families
-from flightbed.document import Cell, Picture, Section, Table
+from flightbed.document import drawing
+from flightbed.document.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings.scenario import Scenario
 from flightbed.statistics.intervals import spread

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flightbed import drawing
-from flightbed.document import Cell, Picture, Section, Table
+from flightbed.document import drawing
+from flightbed.document.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.flight_result import fly_scenario
 from flightbed.pacing import Punctuality, WallClock

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from flightbed import drawing
+from flightbed.document import drawing
 from flightbed.ensemble import Flown
 from flightbed.scenario import Scenario
 from flightbed.studies.sillence import printed

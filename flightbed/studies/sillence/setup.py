@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightbed.core import data
-from flightbed.document import Section, Table
+from flightbed.document.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.scenario import Scenario, load_scenario
 from flightbed.statistics.intervals import Interval, Vector

@@ -11,7 +11,7 @@ import numpy as np
 from flightbed.config.kinds import GainSettings
 from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
-from flightbed.document import Section, Table, show
+from flightbed.document.document import Section, Table, show
 from flightbed.ensemble import Flown, Job
 from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.metrics import snr_db

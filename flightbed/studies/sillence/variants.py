@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from itertools import product
 from typing import Any
 
-from flightbed.document import Section, Table
+from flightbed.document.document import Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.settings.scenario import Scenario
 from flightbed.statistics.intervals import spread

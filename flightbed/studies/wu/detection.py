@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flightbed.document import Section, Table
+from flightbed.document.document import Section, Table
 from flightbed.estimation.bias_test import (
     calibrated_threshold,
     chi_square_threshold,

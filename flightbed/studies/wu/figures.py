@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flightbed import drawing
-from flightbed.document import Picture, Section
+from flightbed.document import drawing
+from flightbed.document.document import Picture, Section
 from flightbed.studies.base import Part, Results, Trials
 from flightbed.studies.wu import printed
 from flightbed.studies.wu.measures import EARLY_S, LATE_S, SETTLED_S

@@ -10,7 +10,7 @@ import numpy as np
 
 from flightbed.control.lq import offset_weights, redesign, spectral_radius
 from flightbed.control.margin import stability_margin
-from flightbed.document import Section, Table
+from flightbed.document.document import Section, Table
 from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.palette import ACTUAL as ACTUAL
-from flightbed.palette import COMMAND as COMMAND
-from flightbed.palette import FAILURE as FAILURE
-from flightbed.palette import OTHER as OTHER
-from flightbed.palette import REFERENCE as REFERENCE
-from flightbed.palette import TRUTH as TRUTH
+from flightbed.document.palette import ACTUAL as ACTUAL
+from flightbed.document.palette import COMMAND as COMMAND
+from flightbed.document.palette import FAILURE as FAILURE
+from flightbed.document.palette import OTHER as OTHER
+from flightbed.document.palette import REFERENCE as REFERENCE
+from flightbed.document.palette import TRUTH as TRUTH
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

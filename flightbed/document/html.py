@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from html import escape
 
-from flightbed.document import Cell, Claim, Document, Listing, Picture, Section, Table
+from flightbed.document.document import Cell, Claim, Document, Listing, Picture, Section, Table
 
 _STYLE = """
 :root { color-scheme: light; }

@@ -1,0 +1,1 @@
+"""Sections, tables and pictures, and the self-contained HTML page made of them."""
