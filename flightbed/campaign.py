@@ -14,9 +14,9 @@ from flightbed.campaign_histories import Histories
 from flightbed.campaign_result import Campaign, worst_of
 from flightbed.campaign_table import Row, passes
 from flightbed.core.errors import FlightbedError, InputError
-from flightbed.engine import CHUNK, Opener, Work, opener, results
 from flightbed.flight_result import fly_scenario
 from flightbed.journal import Journal, journal
+from flightbed.parallel.executor import CHUNK, Opener, Work, opener, results
 from flightbed.programme import Programme, scenario_of
 from flightbed.settings.scenario import Scenario
 

@@ -13,8 +13,8 @@ from flightbed.config.own_code import Extension, Packed, carried, named_by
 from flightbed.config.tracebacks import line_of
 from flightbed.consistency import estimates
 from flightbed.core.errors import FlightbedError
-from flightbed.engine import CHUNK, DEATHS
 from flightbed.flight_result import fly_plan
+from flightbed.parallel.executor import CHUNK, DEATHS
 from flightbed.plan import Plan, plan
 from flightbed.programme import Flight, Programme, flight_hash, scenario_of
 from flightbed.settings.scenario import Scenario

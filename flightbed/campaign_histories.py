@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.core.files import put_whole
-from flightbed.engine import CHUNK
+from flightbed.parallel.executor import CHUNK
 from flightbed.programme import Programme
 from flightbed.statistics.histories import Arrays, Ensemble, Part, add_all
 from flightbed.statistics.moments import Moments, within

@@ -368,7 +368,7 @@ def reproduce(
     from flightbed.config import families
     from flightbed.config.own_code import using
     from flightbed.core.files import check_target
-    from flightbed.engine import opener
+    from flightbed.parallel.executor import opener
     from flightbed.screen import progress_bar, study_lines
     from flightbed.studies.base import reproduce as recompute
     from flightbed.studies.base import with_own

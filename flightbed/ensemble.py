@@ -16,11 +16,11 @@ import numpy.typing as npt
 
 from flightbed.config.own_code import Extension, Packed, carried, named_by
 from flightbed.core.errors import InputError
-from flightbed.engine import CHUNK, DEATHS, Opener, Work, results
 from flightbed.flight_result import fly_plan
 from flightbed.metrics import Metrics
+from flightbed.parallel.executor import CHUNK, DEATHS, Opener, Work, results
+from flightbed.parallel.processes import local_processes
 from flightbed.plan import Plan, plan
-from flightbed.processes import local_processes
 from flightbed.scenario import Scenario
 from flightbed.statistics.moments import Moments, total
 

@@ -21,8 +21,8 @@ from flightbed.campaign_histories import Histories
 from flightbed.campaign_table import Row
 from flightbed.core.errors import InputError, OutputError
 from flightbed.core.files import check_target, first_free, numbered, put_whole
-from flightbed.engine import CHUNK
 from flightbed.folder import CAMPAIGN
+from flightbed.parallel.executor import CHUNK
 from flightbed.programme import Programme
 
 UNFINISHED = "unfinished"

@@ -19,7 +19,7 @@ from flightbed import campaign as campaigns
 from flightbed.campaign_file import load_programme
 from flightbed.core.errors import InputError
 from flightbed.core.versions import versions
-from flightbed.engine import DEATHS, Work, opener, results
+from flightbed.parallel.executor import DEATHS, Work, opener, results
 from tests import dask_cluster
 from tests.command_line import flightbed
 from tests.test_journal import LONGER, started
@@ -154,7 +154,7 @@ def test_a_worker_with_other_versions_is_refused() -> None:
 
 def test_processes_that_cannot_start_are_an_error_of_no_task(monkeypatch: pytest.MonkeyPatch) -> None:
     """As in a script without a guard, which each process starts again: the error names no flight."""
-    monkeypatch.setattr("flightbed.processes._prepare", _ends)
+    monkeypatch.setattr("flightbed.parallel.processes._prepare", _ends)
     with pytest.raises(
         InputError, match="worker processes: end before they are ready; in your own script start flights below"
     ):

@@ -25,10 +25,10 @@ from flightbed import campaign_flights
 from flightbed.campaign_file import load_programme, plain
 from flightbed.campaign_flights import Chunk, ChunkResult, chunk_of, fly_chunk
 from flightbed.core.errors import InputError, OutputError
-from flightbed.engine import Opener
 from flightbed.folder import CAMPAIGN
 from flightbed.journal import Journal, journal
 from flightbed.mission import run as fly_one
+from flightbed.parallel.executor import Opener
 from flightbed.programme import Programme
 from flightbed.scenario import load_scenario
 from tests.command_line import COMMAND, flightbed, heed_interrupts
@@ -177,7 +177,7 @@ def backwards(monkeypatch: pytest.MonkeyPatch) -> Opener:
         found = max(futures, key=lambda f: futures[f])
         return type("Done", (), {"done": [found]})
 
-    monkeypatch.setattr("flightbed.engine.wait", last)
+    monkeypatch.setattr("flightbed.parallel.executor.wait", last)
     return lambda: nullcontext(_Backwards())
 
 

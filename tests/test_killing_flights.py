@@ -16,8 +16,8 @@ from flightbed import using
 from flightbed.campaign_file import load_programme
 from flightbed.campaign_flights import KILLS, Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
 from flightbed.campaign_table import Row
-from flightbed.engine import opener
 from flightbed.mission import fly
+from flightbed.parallel.executor import opener
 from flightbed.programme import Programme
 from flightbed.scenario import load_scenario
 from tests import dask_cluster

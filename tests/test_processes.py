@@ -11,7 +11,7 @@ from concurrent.futures import BrokenExecutor, wait
 import numpy as np
 import pytest
 
-from flightbed.processes import Processes
+from flightbed.parallel.processes import Processes
 
 TASKS = 200
 

@@ -14,8 +14,8 @@ from flightbed.config.families import factory, in_use, names
 from flightbed.core.errors import InputError
 from flightbed.core.versions import versions
 from flightbed.document.document import Document, Section
-from flightbed.engine import Opener
 from flightbed.ensemble import Flown, Job, fly_jobs, run_jobs
+from flightbed.parallel.executor import Opener
 
 Key = TypeVar("Key")
 Flights = list[list[Flown]]

@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 
 from flightbed.core.errors import InputError
 from flightbed.core.versions import versions
-from flightbed.processes import local_processes
+from flightbed.parallel.processes import local_processes
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -1,0 +1,1 @@
+"""One executor for studies and campaigns: local processes or a dask cluster. The only package that imports dask."""
