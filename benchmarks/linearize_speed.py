@@ -15,7 +15,7 @@ from functools import partial
 import jsbsim
 import numpy as np
 
-from flightbed.aircraft import load_aircraft
+from flightbed.aircraft.overlay import load_aircraft
 from flightbed.core.timing import interleaved, ratios, seconds, spread
 from flightbed.core.units import DEG
 from flightbed.linearize import linearize

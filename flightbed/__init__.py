@@ -14,7 +14,7 @@ from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import TrimPoint, trim
 
 if TYPE_CHECKING:
-    from flightbed.aircraft import Aircraft, load_aircraft
+    from flightbed.aircraft.overlay import Aircraft, load_aircraft
     from flightbed.config.own_code import using
     from flightbed.core.errors import FlightbedError
     from flightbed.core.signals import Estimate, Measurement, Sample, Truth
@@ -35,7 +35,7 @@ __all__ = [
 
 # name -> module, imported on first use
 _LATER = {
-    "Aircraft": "flightbed.aircraft",
+    "Aircraft": "flightbed.aircraft.overlay",
     "Estimate": "flightbed.core.signals",
     "FlightbedError": "flightbed.core.errors",
     "JsbsimAirframe": "flightbed.plant.airframe",
@@ -49,7 +49,7 @@ _LATER = {
     "Truth": "flightbed.core.signals",
     "WallClock": "flightbed.pacing",
     "fly": "flightbed.mission",
-    "load_aircraft": "flightbed.aircraft",
+    "load_aircraft": "flightbed.aircraft.overlay",
     "load_scenario": "flightbed.scenario",
     "read_trace": "flightbed.trace",
     "run": "flightbed.mission",

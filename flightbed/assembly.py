@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flightbed import factories
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.command.base import Profile, profile
 from flightbed.config import families
 from flightbed.config.kinds import Command

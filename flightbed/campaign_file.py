@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flightbed.aircraft import load_path
+from flightbed.aircraft.overlay import load_path
 from flightbed.campaign_table import metric_columns
 from flightbed.config.own_code import named_by
 from flightbed.config.reading import frozen, problems, read_toml, shown

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import InputError
 from flightbed.core.units import DEG
 from flightbed.linearize import LinearModel

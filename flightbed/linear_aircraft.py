@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.aircraft.overlay import Aircraft, load_aircraft
 from flightbed.core import data
 from flightbed.core.actuator import Actuator
 from flightbed.core.atmosphere import standard_air

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 
-from flightbed.aircraft import Aircraft, load_path
+from flightbed.aircraft.overlay import Aircraft, load_path
 from flightbed.config import families
 from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law

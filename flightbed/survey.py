@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.aircraft.overlay import Aircraft, load_aircraft
 from flightbed.authority import Authority, authority
 from flightbed.core import data
 from flightbed.core.errors import InputError, NoTrimError, UnknownNameError

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.units import DEG
 from flightbed.linearize import LATERAL, LONGITUDINAL, STATES, LinearModel
 from flightbed.plant.airframe import JsbsimAirframe

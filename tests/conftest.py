@@ -12,7 +12,7 @@ import hypothesis
 import numpy as np
 import pytest
 
-from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.aircraft.overlay import Aircraft, load_aircraft
 from flightbed.core.units import FT
 from flightbed.linearize import linearize
 from flightbed.plant.airframe import JsbsimAirframe

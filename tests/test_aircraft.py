@@ -10,7 +10,7 @@ import jsbsim
 import numpy as np
 import pytest
 
-from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.aircraft.overlay import Aircraft, load_aircraft
 from flightbed.core import data
 from flightbed.core.errors import AircraftError, InputError, UnknownNameError
 from flightbed.core.units import DEG

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import InputError, NoTrimError, UnknownNameError
 from flightbed.core.units import DEG, G0, KT
 from flightbed.documents import document, row

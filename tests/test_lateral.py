@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flightbed.aircraft import load_aircraft
+from flightbed.aircraft.overlay import load_aircraft
 from flightbed.assembly import assemble
 from flightbed.consistency import detectors, estimates
 from flightbed.core.errors import EstimateError, ScenarioError

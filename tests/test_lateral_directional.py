@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.assembly import assemble
 from flightbed.core.units import FT, G0
 from flightbed.estimation import surfaces_model

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flightbed import cli
-from flightbed.aircraft import Aircraft, load_aircraft
+from flightbed.aircraft.overlay import Aircraft, load_aircraft
 from flightbed.core import data
 from flightbed.core.errors import AircraftError, UnknownNameError
 from flightbed.linear_aircraft import LinearAircraft, load_flyable, load_linear_aircraft

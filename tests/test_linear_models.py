@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import InputError, NoTrimError
 from flightbed.core.units import DEG, FT
 from flightbed.documents import document

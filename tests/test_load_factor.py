@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flightbed import campaign as campaigns
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.assembly import assemble
 from flightbed.campaign_lead import headline
 from flightbed.campaign_report import campaign_report

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.units import DEG, FT
 from flightbed.estimation import pitch_model

@@ -9,7 +9,7 @@ import jsbsim
 import numpy as np
 import pytest
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import NoTrimError
 from flightbed.core.units import DEG, FT
 from flightbed.linearize import LinearModel, linearize

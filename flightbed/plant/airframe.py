@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import AircraftError, InputError
 from flightbed.core.units import DEG, FT, KT, LBF
 from flightbed.plant.base import Controls, Input, Motion, Rates, Response

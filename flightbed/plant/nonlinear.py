@@ -7,7 +7,7 @@ from operator import call
 from types import MappingProxyType
 from typing import NamedTuple
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.signals import HEALTHY, Health, LateralTruth, Truth
 from flightbed.core.units import FT
 from flightbed.gusts import Gusts, calm

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.lq import spectral_radius
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import AircraftError
 from flightbed.core.signals import HEALTHY, Health
 from flightbed.core.units import DEG, FT, G0, LBF

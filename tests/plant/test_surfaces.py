@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.signals import HEALTHY, SURFACES, Health, LateralTruth, Truth
 from flightbed.core.units import DEG, FT
 from flightbed.failures.base import HealthHistory, healthy

@@ -21,7 +21,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from flightbed.aircraft import Aircraft
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.assembly import assemble
 from flightbed.campaign import fly
 from flightbed.core.units import DEG, FT

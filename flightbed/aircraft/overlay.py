@@ -16,11 +16,11 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from flightbed.aircraft.edits import EDITS, EditError, substitute
 from flightbed.core import data
 from flightbed.core.actuator import Actuator
 from flightbed.core.errors import AircraftError, did_you_mean
 from flightbed.core.units import DEG
-from flightbed.edits import EDITS, EditError, substitute
 
 
 @dataclass(frozen=True)
