@@ -10,10 +10,10 @@ import numpy as np
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import InputError
 from flightbed.core.units import DEG
+from flightbed.fdm.jsbsim import version
 from flightbed.linearize import LinearModel
 from flightbed.modes import modes
 from flightbed.plant.airframe import JsbsimAirframe
-from flightbed.plant.jsbsim import version
 from flightbed.short_period import zero_order_hold
 from flightbed.survey import Point, Query
 from flightbed.trim import TrimPoint

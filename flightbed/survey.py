@@ -14,12 +14,12 @@ from flightbed.authority import Authority, authority
 from flightbed.core import data
 from flightbed.core.errors import InputError, NoTrimError, UnknownNameError
 from flightbed.core.units import DEG, FT, KT
+from flightbed.fdm.jsbsim import stock_aircraft, stock_names
+from flightbed.fdm.stock import StockAircraft
 from flightbed.linearize import LinearModel, linearize
 from flightbed.modes import FlyingQualities, flying_qualities
 from flightbed.plant.airframe import Engine, JsbsimAirframe
-from flightbed.plant.jsbsim import stock_aircraft, stock_names
 from flightbed.short_period import ShortPeriod, short_period
-from flightbed.stock import StockAircraft
 from flightbed.trim import TrimPoint, trim
 
 MOST = 100_000  # conditions of one sweep

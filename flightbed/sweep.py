@@ -12,7 +12,7 @@ from flightbed import documents, model_files, survey
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import InputError, NoTrimError
 from flightbed.core.files import write_atomic
-from flightbed.stock import StockAircraft
+from flightbed.fdm.stock import StockAircraft
 from flightbed.survey import Point, Query
 
 Found = TypeVar("Found")

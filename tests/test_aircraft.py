@@ -14,7 +14,7 @@ from flightbed.aircraft.overlay import Aircraft, load_aircraft
 from flightbed.core import data
 from flightbed.core.errors import AircraftError, InputError, UnknownNameError
 from flightbed.core.units import DEG
-from flightbed.plant.jsbsim import Fdm
+from flightbed.fdm.jsbsim import Fdm
 
 LOADS = [f"forces/fb{axis}-{kind}-lbs" for axis in "xyz" for kind in ("aero", "total")] + [
     f"moments/{axis}-{kind}-lbsft" for axis in "lmn" for kind in ("aero", "total")

@@ -64,7 +64,7 @@ def test_laws_and_estimators_see_neither_plant_nor_truth(family: str) -> None:
         names |= {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute)}
         assert not {"Truth", "truth", "Sample"} & names, _name(path)
         assert "flightbed.core.signals.Sample" not in direct, _name(path)
-        assert "flightbed.plant.jsbsim" not in _reach(path), _name(path)
+        assert "flightbed.fdm.jsbsim" not in _reach(path), _name(path)
 
 
 def test_units_and_errors_import_nothing_of_the_house() -> None:

@@ -16,12 +16,12 @@ from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import InputError, NoTrimError
 from flightbed.core.units import DEG, FT
 from flightbed.documents import document
+from flightbed.fdm.tables import breakpoints
 from flightbed.linearize import LOADS, LONGITUDINAL, STATES, LinearModel
 from flightbed.model_files import binary
 from flightbed.modes import flying_qualities, longitudinal_modes, modes
 from flightbed.plant.base import Controls, Motion
 from flightbed.survey import Query, axis, linearize_at, trim_at
-from flightbed.tables import breakpoints
 from flightbed.trim import TrimPoint
 from flightbed.validate import validate
 from tests.command_line import assert_one_clear_line, flightbed

@@ -12,10 +12,10 @@ import pytest
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import NoTrimError
 from flightbed.core.units import DEG, FT
+from flightbed.fdm.jsbsim import Fdm
 from flightbed.linearize import LinearModel, linearize
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.plant.jsbsim import Fdm
 from flightbed.short_period import ShortPeriod, short_period, zero_order_hold
 from flightbed.trim import TrimPoint, trim
 

@@ -12,9 +12,9 @@ import numpy.typing as npt
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import AircraftError, InputError
 from flightbed.core.units import DEG, FT, KT, LBF
+from flightbed.fdm.jsbsim import Fdm, kinks
+from flightbed.fdm.stock import StockAircraft
 from flightbed.plant.base import Controls, Input, Motion, Rates, Response
-from flightbed.plant.jsbsim import Fdm, kinks
-from flightbed.stock import StockAircraft
 
 _RESPONSE = (
     "accelerations/udot-ft_sec2", "accelerations/vdot-ft_sec2", "accelerations/wdot-ft_sec2",

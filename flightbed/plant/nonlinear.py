@@ -10,8 +10,8 @@ from typing import NamedTuple
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.signals import HEALTHY, Health, LateralTruth, Truth
 from flightbed.core.units import FT
+from flightbed.fdm.jsbsim import Fdm
 from flightbed.gusts import Gusts, calm
-from flightbed.plant.jsbsim import Fdm
 from flightbed.plant.properties import LATERAL, READ, plain_fields
 from flightbed.plant.surfaces import Surface
 

@@ -10,7 +10,7 @@ from flightbed.core.actuator import Actuator
 from flightbed.core.signals import NO_FAULT, Fault
 
 if TYPE_CHECKING:
-    from flightbed.plant.jsbsim import Fdm
+    from flightbed.fdm.jsbsim import Fdm
 
 Getter = Callable[[], float]
 

@@ -12,11 +12,11 @@ from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import AircraftError
 from flightbed.core.signals import HEALTHY, Health
 from flightbed.core.units import DEG, FT, G0, LBF
+from flightbed.fdm.jsbsim import Fdm
 from flightbed.gusts import calm, one_minus_cosine
 from flightbed.linearize import linearize
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.plant.jsbsim import Fdm
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
 from flightbed.short_period import short_period

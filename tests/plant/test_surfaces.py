@@ -14,8 +14,8 @@ from flightbed.core.signals import HEALTHY, SURFACES, Health, LateralTruth, Trut
 from flightbed.core.units import DEG, FT
 from flightbed.failures.base import HealthHistory, healthy
 from flightbed.failures.effector import bias, effectiveness_loss, floating, hardover, rate_limited, stuck
+from flightbed.fdm.jsbsim import Fdm
 from flightbed.plant.airframe import JsbsimAirframe
-from flightbed.plant.jsbsim import Fdm
 from flightbed.plant.nonlinear import JsbsimPlant, Start
 from flightbed.trim import TrimPoint, trim
 from tests.test_aircraft import LOADS, POINTS, _settle, _stock

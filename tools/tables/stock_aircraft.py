@@ -13,7 +13,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from flightbed.plant.jsbsim import stock_names, version
+from flightbed.fdm.jsbsim import stock_names, version
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "stock-aircraft.md"
 # Calibrated airspeed, kt, and altitude, ft.

@@ -23,8 +23,8 @@ import jsbsim
 
 from flightbed.core.errors import AircraftError, UnknownNameError
 from flightbed.core.units import FT, INCH, LB
-from flightbed.stock import StockAircraft, engine_names, read_stock, references
-from flightbed.tables import breakpoints
+from flightbed.fdm.stock import StockAircraft, engine_names, read_stock, references
+from flightbed.fdm.tables import breakpoints
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
 _REFERENCE = "metrics/aero-rp-x-in"  # reference point of the aerodynamic moments

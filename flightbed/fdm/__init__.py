@@ -1,0 +1,1 @@
+"""Load, inspect and query JSBSim models. The only package that imports jsbsim."""
