@@ -29,7 +29,7 @@ weights[1, 1] = 1.5**2
 k_lqr, _, _ = control.lqr(plant.A, plant.B[:, [0]], weights, np.eye(1))
 
 # %% The built-in design places poles; its gains have the opposite sign convention to control.lqr
-design = flightbed.short_period(model, actuator_rad_s=lag)
+design = flightbed.avionics.short_period(model, actuator_rad_s=lag)
 placed = design_proportional(design)
 gains = {"LQR": -k_lqr[0], "pole placement": np.array([placed.alpha, placed.q, placed.elevator])}
 

@@ -8,9 +8,11 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from flightbed.avionics.short_period import ShortPeriod
+
 # At once, because these functions bear the names of their modules: importing a module later would put it in their place.
 from flightbed.linearize import LinearModel, linearize
-from flightbed.short_period import ShortPeriod, short_period
+from flightbed.models.reduce import short_period
 from flightbed.trim import TrimPoint, trim
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ import numpy as np
 
 from flightbed import factories
 from flightbed.aircraft.overlay import Aircraft
+from flightbed.avionics.onboard import OnBoard
 from flightbed.command.base import Profile, profile
 from flightbed.config import families
 from flightbed.config.kinds import Command
@@ -20,7 +21,7 @@ from flightbed.control.redesign import Redesign, RedesignedPitch
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.core.signals import Health, LateralNoise, SensorNoise
 from flightbed.core.units import DEG, FT, LB
-from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator, estimate_names
+from flightbed.estimation.base import Estimator, SurfacesEstimator, estimate_names
 from flightbed.kemp_factories import autothrottle
 from flightbed.lateral import LateralAxes
 from flightbed.linear_aircraft import LinearAircraft

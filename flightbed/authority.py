@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.units import DEG
-from flightbed.short_period import ShortPeriod
 
 
 @dataclass(frozen=True)

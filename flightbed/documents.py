@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from flightbed.aircraft.overlay import Aircraft
+from flightbed.avionics.short_period import zero_order_hold
 from flightbed.core.errors import InputError
 from flightbed.core.units import DEG
 from flightbed.fdm.jsbsim import version
 from flightbed.linearize import LinearModel
 from flightbed.modes import modes
 from flightbed.plant.airframe import JsbsimAirframe
-from flightbed.short_period import zero_order_hold
 from flightbed.survey import Point, Query
 from flightbed.trim import TrimPoint
 from flightbed.validate import validate

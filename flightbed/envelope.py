@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 
 from flightbed.aircraft.overlay import Aircraft
-from flightbed.control.load_factor import PitchPoint
+from flightbed.avionics.pitch_points import PitchPoint
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import NoTrimError
 from flightbed.core.units import FT, LBF

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import ceil, inf
 
+from flightbed.avionics.onboard import OnBoard
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.command.base import Command
 from flightbed.command.chirp import chirp as _chirp
 from flightbed.command.constant import constant as _constant
@@ -21,7 +23,7 @@ from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.control.redesign import PitchWeights, RedesignedPitch, pitch_lq
 from flightbed.core.units import DEG, FT
-from flightbed.estimation.base import Estimator, OnBoard, SurfacesEstimator
+from flightbed.estimation.base import Estimator, SurfacesEstimator
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
 from flightbed.estimation.surfaces import SurfacesConfig, TwoStagePitch, TwoStageSurfaces
@@ -36,7 +38,6 @@ from flightbed.failures.effector import ramp as _ramp
 from flightbed.failures.effector import stuck as _stuck
 from flightbed.gusts import Gusts, calm, one_minus_cosine, sine
 from flightbed.settings.scenario import Scenario
-from flightbed.short_period import ShortPeriod
 
 
 def doublet(settings: kinds.Command) -> Command:

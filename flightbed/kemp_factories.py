@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from flightbed.avionics.onboard import OnBoard
 from flightbed.config import kinds
 from flightbed.control.ackermann import AckermannConfig
 from flightbed.control.autothrottle import Autothrottle
@@ -16,7 +17,7 @@ from flightbed.control.load_factor import POLES, LoadFactorDesign, LoadFactorLaw
 from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, rest_state
 from flightbed.control.nz_scheduled import NzScheduled
 from flightbed.core.units import DEG, FT
-from flightbed.estimation.base import Estimator, OnBoard
+from flightbed.estimation.base import Estimator
 from flightbed.estimation.plid import CONVENTIONAL, PlidConfig, Tracking
 from flightbed.estimation.plid_effectiveness import PlidEffectiveness, PlidEffectivenessConfig
 from flightbed.estimation.udu import FACTORED

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from flightbed.aircraft.overlay import Aircraft, load_aircraft
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core import data
 from flightbed.core.actuator import Actuator
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import AircraftError, did_you_mean
 from flightbed.core.units import FT
-from flightbed.short_period import ShortPeriod
 
 _KEYS: Mapping[str, tuple[str, ...]] = {
     "": ("schema", "kind", "name", "description", "condition", "short_period", "elevator"),

@@ -17,13 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flightbed.avionics.lateral import LateralDirectional
+from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
 from flightbed.control.base import Gains
 from flightbed.control.lq import spectral_radius
 from flightbed.control.margin import first_crossing
 from flightbed.control.roll_yaw import RollYaw
 from flightbed.core.compiled import Array
-from flightbed.lateral_directional import LateralDirectional
-from flightbed.short_period import ShortPeriod, zero_order_hold
 
 _RAYS, _STEP, _LIMIT = 48, 0.02, 1.0
 _GRID = np.linspace(0.04, 1.0, 13)

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from importlib.metadata import version
 
 from flightbed.aircraft.overlay import Aircraft, load_path
+from flightbed.avionics.lateral import LateralDirectional
+from flightbed.avionics.schedule import Schedule
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.config import families
 from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law
@@ -16,16 +19,15 @@ from flightbed.core.errors import AircraftError, DesignError, NoTrimError, Scena
 from flightbed.core.units import DEG, FT
 from flightbed.envelope import pitch_point, pitch_points
 from flightbed.factories import lq_gains
-from flightbed.lateral_directional import LateralDirectional, lateral_directional
 from flightbed.linear_aircraft import LinearAircraft, load_flyable
 from flightbed.linearize import linearize
 from flightbed.margins import Margins, pitch_margins
+from flightbed.models.reduce import lateral_directional, short_period
+from flightbed.models.tabulate import load_schedule
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario import Scenario
-from flightbed.schedule import Schedule, load_schedule
 from flightbed.settings.scenario import Condition
-from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import TrimPoint, trim
 
 _STANDARD = Condition(mach=0.8, altitude_ft=20000.0)  # condition at which the schedule is tabulated

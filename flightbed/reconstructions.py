@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from flightbed.avionics.onboard import OnBoard
 from flightbed.config import kinds
 from flightbed.core.units import DEG
-from flightbed.estimation.base import Estimator, OnBoard
+from flightbed.estimation.base import Estimator
 from flightbed.estimation.following import FollowingConfig
 from flightbed.estimation.gust_reconstruction import GustConfig, GustReconstruction
 from flightbed.estimation.reconstruction import ElevatorReconstruction, ReconstructionConfig

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.card import correction, flown, followed, kept_pace, outcome
 from flightbed.config.own_code import at_hand, permits
 from flightbed.core.estimate_names import estimator_of
@@ -17,7 +18,6 @@ from flightbed.event_log import events, failures, gusts
 from flightbed.figures import pictures
 from flightbed.metrics import PHASES
 from flightbed.pull_up import PULL_UP_METRICS
-from flightbed.short_period import ShortPeriod
 from flightbed.trace import true_share
 
 if TYPE_CHECKING:

@@ -11,15 +11,16 @@ import numpy as np
 
 from flightbed.aircraft.overlay import Aircraft, load_aircraft
 from flightbed.authority import Authority, authority
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core import data
 from flightbed.core.errors import InputError, NoTrimError, UnknownNameError
 from flightbed.core.units import DEG, FT, KT
 from flightbed.fdm.jsbsim import stock_aircraft, stock_names
 from flightbed.fdm.stock import StockAircraft
 from flightbed.linearize import LinearModel, linearize
+from flightbed.models.reduce import short_period
 from flightbed.modes import FlyingQualities, flying_qualities
 from flightbed.plant.airframe import Engine, JsbsimAirframe
-from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import TrimPoint, trim
 
 MOST = 100_000  # conditions of one sweep

@@ -27,12 +27,13 @@ import numpy as np
 
 from flightbed import loop
 from flightbed.assembly import assemble, sensor_noise
+from flightbed.avionics.onboard import OnBoard
 from flightbed.config.kinds import EstimatorSettings
 from flightbed.config.own_code import using
 from flightbed.config.tracebacks import line_of
 from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
-from flightbed.estimation.base import Estimator, OnBoard
+from flightbed.estimation.base import Estimator
 from flightbed.plan import Plan, plan
 from flightbed.scenario import load_scenario
 from flightbed.trial import FAILS_AT, out_of_range_readings, readings_of_flights

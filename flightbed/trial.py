@@ -8,6 +8,7 @@ from math import inf
 import numpy as np
 
 from flightbed import loop
+from flightbed.avionics.onboard import OnBoard
 from flightbed.command.base import profile
 from flightbed.command.constant import none
 from flightbed.command.doublet import doublet
@@ -16,7 +17,6 @@ from flightbed.control.design import design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG, FT
-from flightbed.estimation.base import OnBoard
 from flightbed.failures.base import healthy
 from flightbed.failures.effector import effectiveness_loss
 from flightbed.plant.linear import LinearPlant

@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.aircraft.overlay import Aircraft
+from flightbed.avionics.short_period import zero_order_hold
 from flightbed.core.units import DEG
 from flightbed.linearize import LATERAL, LONGITUDINAL, STATES, LinearModel
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls
-from flightbed.short_period import zero_order_hold
 
 Matrix = npt.NDArray[np.float64]
 

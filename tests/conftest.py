@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft.overlay import Aircraft, load_aircraft
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.units import FT
 from flightbed.linearize import linearize
+from flightbed.models.reduce import short_period
 from flightbed.plant.airframe import JsbsimAirframe
-from flightbed.short_period import ShortPeriod, short_period
 from flightbed.trim import trim
 from tests.flights import ShippedFlight, once
 from tests.golden_flights import GOLDEN_PROPERTY, Compared, summary

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from flightbed.avionics.onboard import OnBoard
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.command.base import profile
 from flightbed.command.doublet import doublet
 from flightbed.control.adaptation import Adaptation
@@ -11,14 +13,13 @@ from flightbed.control.design import design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.core.signals import Sample, SensorNoise
 from flightbed.core.units import DEG
-from flightbed.estimation.base import Estimator, OnBoard
+from flightbed.estimation.base import Estimator
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.failures.base import healthy
 from flightbed.failures.effector import effectiveness_loss
 from flightbed.loop import Flight, fly
 from flightbed.plant.linear import LinearPlant
 from flightbed.sensors import Sensors
-from flightbed.short_period import ShortPeriod
 
 NOISE = SensorNoise(0.03 * DEG, 0.1108 * DEG)
 

@@ -11,12 +11,12 @@ from scipy.linalg import expm
 
 from flightbed import load_scenario, run
 from flightbed.assembly import sensor_noise
+from flightbed.avionics import pitch_kernels
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.bound import _bounds, bound, design_models, schedule_models
 from flightbed.core.units import DEG, FT
-from flightbed.estimation import pitch_model
 from flightbed.estimation.record import estimate_record
 from flightbed.flight_result import Result
-from flightbed.short_period import ShortPeriod
 
 
 def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator) -> None:
@@ -94,7 +94,7 @@ def test_models_on_the_schedule_are_its_tangents_along_the_true_motion(losing: R
     for k in (1, 200, 449, 450, 451, 452, 500, 599):
         K, u = trace["effectiveness_true"][k - 1], trace["elevator_mean_meas_deg"][k] * DEG
         alpha, q, theta, phi = (trace[c][k - 1] * DEG for c in ("alpha_deg", "q_deg_s", "theta_deg", "phi_deg"))
-        pitch_model.rates(
+        pitch_kernels.rates(
             packed, rates, alpha, q, K * u, trace["mach"][k - 1], trace["altitude_ft"][k - 1] * FT, theta, phi
         )
         A, b = rates[:, 1:3], rates[:, 3]

@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 
 import flightbed
 from flightbed import cli
+from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
 from flightbed.config.kinds import EstimatorSettings
 from flightbed.config.options import Options
@@ -30,7 +31,6 @@ from flightbed.config.own_code import at_hand, check_named, load, named_by, perm
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.ensemble import Job, fly_jobs, processes
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.loop_gain import LoopGain
 from flightbed.factories import loop_gain_config
 from flightbed.failures.base import HealthHistory

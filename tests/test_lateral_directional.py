@@ -10,11 +10,12 @@ import pytest
 
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.assembly import assemble
+from flightbed.avionics import lateral_kernels
+from flightbed.avionics.lateral import INPUTS, STATES, LateralDirectional
 from flightbed.core.units import FT, G0
-from flightbed.estimation import surfaces_model
-from flightbed.lateral_directional import INPUTS, STATES, LateralDirectional, lateral_directional
 from flightbed.linearize import linearize
 from flightbed.loop import fly
+from flightbed.models.reduce import lateral_directional
 from flightbed.plan import plan
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.scenario import load_scenario
@@ -25,7 +26,7 @@ CONDITIONS = [(0.8, 20000.0), (0.6, 20000.0), (0.5, 5000.0), (0.7, 30000.0)]
 
 def _tabulated(turning: LateralDirectional, mach: float, altitude_ft: float) -> tuple[np.ndarray, np.ndarray]:
     A, B = np.zeros((5, 5)), np.zeros((5, 3))
-    surfaces_model.lateral_rates(turning.tables.packed(), A, B, turning.alpha_trim_rad, 0.0, mach, altitude_ft * FT)
+    lateral_kernels.lateral_rates(turning.tables.packed(), A, B, turning.alpha_trim_rad, 0.0, mach, altitude_ft * FT)
     return A[2:, 2:], B[2:, 1:]
 
 
@@ -96,7 +97,7 @@ def _errors(overrides: list[str], *, without: int | None = None) -> tuple[np.nda
         coupling_state = x.copy()
         if without is not None:
             coupling_state[without] = 0.0
-        surfaces_model.local_model(
+        lateral_kernels.local_model(
             schedule, tables, work, 1.0, 0.01, n.elevator_mean_rad, t.alpha_rad, t.q_rad_s, t.mach, t.altitude_m, t.theta_rad,
             t.phi_rad, *coupling_state[2:],
         )  # fmt: skip

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
+from flightbed.avionics.lateral import LateralDirectional
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.control.base import Gains
 from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.redesign import PitchWeights, pitch_lq
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.core.units import DEG
 from flightbed.flight_result import fly_plan
-from flightbed.lateral_directional import LateralDirectional
 from flightbed.margins import lateral_margin, pitch_margins
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
-from flightbed.short_period import ShortPeriod
 
 
 def _radius(design: ShortPeriod, gains: Gains, K: float, believed: float, *, corrected: bool, effective: bool) -> float:

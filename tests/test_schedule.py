@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft.overlay import Aircraft
+from flightbed.avionics import pitch_kernels
+from flightbed.avionics.schedule import Schedule
+from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.units import DEG, FT
-from flightbed.estimation import pitch_model
 from flightbed.mission import run
+from flightbed.models.tabulate import build_schedule, load_schedule
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario import load_scenario
-from flightbed.schedule import Schedule, build_schedule, load_schedule
-from flightbed.short_period import ShortPeriod, zero_order_hold
 from flightbed.trim import trim
 
 THROTTLE = 0.34
@@ -58,7 +59,7 @@ def test_residual_map_against_the_aircraft(rng: np.random.Generator, schedule: S
             theta, phi = rng.uniform(-0.5, 0.5, 2)
             motion = Motion(mach * sound, alpha * DEG, theta, q * DEG, altitude, phi_rad=phi)
             rates = other.respond(motion, Controls(d * DEG, THROTTLE)).rates
-            pitch_model.rates(packed, out, alpha * DEG, q * DEG, d * DEG, mach, altitude, theta, phi)
+            pitch_kernels.rates(packed, out, alpha * DEG, q * DEG, d * DEG, mach, altitude, theta, phi)
             wrong.append([abs(rates.alpha - out[0, 0]) / DEG, abs(rates.q - out[1, 0]) / DEG])
     median, worst = np.median(wrong, axis=0), np.max(wrong, axis=0)
     assert median[0] < 0.02  # deg/s
@@ -73,7 +74,7 @@ def test_at_trim_it_is_the_short_period_model(airframe: JsbsimAirframe, design: 
     point = trim(airframe)
     packed = build_schedule(airframe, throttle=point.throttle_norm).packed()
     model = np.zeros((2, 4))
-    damping = pitch_model.local_model(
+    damping = pitch_kernels.local_model(
         packed,
         model,
         np.empty((2, 4)),
@@ -100,8 +101,12 @@ def test_at_trim_it_is_the_short_period_model(airframe: JsbsimAirframe, design: 
 def test_half_the_effect_is_half_the_deflection(schedule: Schedule, airframe: JsbsimAirframe) -> None:
     point, one, two = trim(airframe), np.zeros((2, 4)), np.zeros((2, 4))
     where = (0.01, point.alpha_rad, 0.0)
-    pitch_model.local_model(schedule.packed(), one, np.empty((2, 4)), 0.5, *where, 8 * DEG, 0.8, 6096.0, 0.02, 0.0, 0.0)
-    pitch_model.local_model(schedule.packed(), two, np.empty((2, 4)), 1.0, *where, 4 * DEG, 0.8, 6096.0, 0.02, 0.0, 0.0)
+    pitch_kernels.local_model(
+        schedule.packed(), one, np.empty((2, 4)), 0.5, *where, 8 * DEG, 0.8, 6096.0, 0.02, 0.0, 0.0
+    )
+    pitch_kernels.local_model(
+        schedule.packed(), two, np.empty((2, 4)), 1.0, *where, 4 * DEG, 0.8, 6096.0, 0.02, 0.0, 0.0
+    )
     x = np.array(where[1:])
     acts_one = one[:, :2] @ x + one[:, 2] * 0.5 * 8 * DEG + one[:, 3]
     acts_two = two[:, :2] @ x + two[:, 2] * 4 * DEG + two[:, 3]
@@ -111,12 +116,12 @@ def test_half_the_effect_is_half_the_deflection(schedule: Schedule, airframe: Js
 def test_an_error_of_the_model_is_the_one_that_is_asked_for(schedule: Schedule) -> None:
     right, wrong = np.zeros((2, 4)), np.zeros((2, 4))
     where = (2 * DEG, 3 * DEG, -4 * DEG, 0.8, 6096.0, 0.0, 0.0)
-    pitch_model.rates(schedule.packed(), right, *where)
-    pitch_model.rates(schedule.scaled(cm_delta=1.2, cm_q=0.8).packed(), wrong, *where)
+    pitch_kernels.rates(schedule.packed(), right, *where)
+    pitch_kernels.rates(schedule.scaled(cm_delta=1.2, cm_q=0.8).packed(), wrong, *where)
     assert wrong[1, 3] == pytest.approx(1.2 * right[1, 3], rel=1e-12)
     assert wrong[1, 2] == pytest.approx(0.8 * right[1, 2], rel=1e-12)
     assert wrong[0] == pytest.approx(right[0], rel=1e-12)
-    pitch_model.rates(schedule.scaled(cm_alpha=1.2, about_rad=2 * DEG).packed(), wrong, *where)
+    pitch_kernels.rates(schedule.scaled(cm_alpha=1.2, about_rad=2 * DEG).packed(), wrong, *where)
     assert wrong[1, 0] == pytest.approx(right[1, 0], rel=1e-9)  # about here it is the slope alone that is wrong
     assert wrong[1, 1] != pytest.approx(right[1, 1], rel=0.01)
 

@@ -16,11 +16,12 @@ from filterpy.kalman import KalmanFilter
 from measuring import Column, Effort, Table
 
 from flightbed.assembly import sensor_noise
+from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
 from flightbed.config.kinds import EstimatorSettings
 from flightbed.core.signals import Measurement
 from flightbed.core.timing import interleaved, ratios, seconds
-from flightbed.estimation.base import Estimator, OnBoard
+from flightbed.estimation.base import Estimator
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.mission import fly
 from flightbed.plan import Plan, plan

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
 from flightbed.control import placement
 from flightbed.control.base import Gains
 from flightbed.core.errors import DesignError
-from flightbed.short_period import ShortPeriod, zero_order_hold
 
 Matrix = npt.NDArray[np.float64]
 

@@ -15,11 +15,11 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.avionics.pitch_points import PitchPoint
+from flightbed.avionics.short_period import zero_order_hold
 from flightbed.control import placement
-from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import Measurement
-from flightbed.short_period import zero_order_hold
 
 Array = npt.NDArray[np.float64]
 POLES = (complex(-4.0, 2.0), complex(-4.0, -2.0), complex(-10.0))  # rad/s, Kemp S 6.2
@@ -41,28 +41,6 @@ class LoadFactorLaw(Protocol):
     @property
     def model(self) -> tuple[float, float, float, float]:
         """Identified a_0, a_1, b_0, b_1, as ``Plid.parameters``; nan for a law without identification."""
-
-
-@dataclass(frozen=True, eq=False)
-class PitchPoint:
-    """Short period and load factor at a trim point, in deviations: x' = A x + b u, a_n = c x + d u, x = (alpha, q). SI, radians, g.
-
-    Attributes:
-        dynamic_pressure_pa: dynamic pressure of the trim point.
-        A: (2, 2).
-        b: (2,), per rad of elevator.
-        c: (2,), g per rad and per rad/s.
-        d: g per rad of elevator.
-        level: whether the trim is level flight; otherwise it is a push-over, whose gains must not be flown.
-
-    """
-
-    dynamic_pressure_pa: float
-    A: Array
-    b: Array
-    c: Array
-    d: float
-    level: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +94,6 @@ def increment_g(measurement: Measurement) -> float:
 def level_g(measurement: Measurement) -> float:
     """Return the load factor of unaccelerated flight at the measured attitude, g."""
     return cos(measurement.theta_rad) * cos(measurement.phi_rad)
-
-
-def dynamic_pressure_pa(measurement: Measurement) -> float:
-    """Return the dynamic pressure 0.7 p M^2 from air data, Pa."""
-    return 0.7 * standard_air(measurement.altitude_m).pressure_pa * measurement.mach**2
 
 
 def design_gains(point: PitchPoint, poles: Sequence[complex] = POLES) -> tuple[float, float, float, float]:

@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp
 
+from flightbed.avionics.pitch_points import dynamic_pressure_pa
 from flightbed.control.ackermann import AckermannConfig, IntegralPlacement
-from flightbed.control.load_factor import GainTable, dynamic_pressure_pa, increment_g
+from flightbed.control.load_factor import GainTable, increment_g
 from flightbed.core.signals import Measurement
 from flightbed.estimation.plid import Form, Plid, PlidConfig
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from math import nan
 
-from flightbed.control.load_factor import GainTable, dynamic_pressure_pa, increment_g
+from flightbed.avionics.pitch_points import dynamic_pressure_pa
+from flightbed.control.load_factor import GainTable, increment_g
 from flightbed.core.signals import Measurement
 
 

@@ -13,13 +13,13 @@ from math import exp
 
 import numpy as np
 
+from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
 from flightbed.control.base import Gains
 from flightbed.control.lq import lq_gain
 from flightbed.control.proportional import Proportional
 from flightbed.control.roll_yaw import RollYaw
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.short_period import ShortPeriod, zero_order_hold
 
 _BUMP_S = 0.2
 

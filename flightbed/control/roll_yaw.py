@@ -8,11 +8,11 @@ from math import exp
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.avionics.lateral import LateralDirectional
+from flightbed.avionics.short_period import zero_order_hold
 from flightbed.control.lq import lq_gain
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import LateralMeasurement
-from flightbed.lateral_directional import LateralDirectional
-from flightbed.short_period import zero_order_hold
 
 Array = npt.NDArray[np.float64]
 _BUMP_S = 0.2  # time constant with which the step of a redesign decays, see ``redesign``

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from flightbed.core.actuator import Actuator
 from flightbed.core.estimate_names import estimate_name
-from flightbed.core.signals import Estimate, LateralMeasurement, LateralNoise, Measurement, SensorNoise
-from flightbed.lateral_directional import LateralDirectional
-from flightbed.schedule import Schedule
-from flightbed.short_period import ShortPeriod
+from flightbed.core.signals import Estimate, LateralMeasurement, Measurement
 
 
 class Estimator(Protocol):
@@ -52,29 +47,3 @@ def estimate_names(name: str, estimator: Estimator | SurfacesEstimator) -> list[
     """Return the names of an estimator's estimates: NAME for the elevator, NAME.aileron and NAME.rudder for the others."""
     surfaces = estimator.surfaces if isinstance(estimator, SurfacesEstimator) else ("elevator",)
     return [estimate_name(name, surface) for surface in surfaces]
-
-
-@dataclass(frozen=True, eq=False)
-class OnBoard:
-    """Knowledge of the flight computer before take-off.
-
-    Attributes:
-        design: short-period model at the trim point.
-        noise: assumed standard deviations of the sensors.
-        control_hz: rate of the measurements.
-        schedule: pitch model over the envelope; None if no estimator of the flight uses it.
-        lateral: model of roll and yaw at the trim point; None in a flight without commanded aileron and rudder.
-        lateral_noise: assumed standard deviations of the lateral sensors.
-        actuator: model of the elevator's actuator; None if no estimator of the flight uses it.
-        delay_ticks: delay between a command and the actuator.
-
-    """
-
-    design: ShortPeriod
-    noise: SensorNoise
-    control_hz: int
-    schedule: Schedule | None = None
-    lateral: LateralDirectional | None = None
-    lateral_noise: LateralNoise | None = None
-    actuator: Actuator | None = None
-    delay_ticks: int = 0

@@ -20,10 +20,10 @@ from math import isfinite, nan
 
 import numpy as np
 
+from flightbed.avionics.onboard import OnBoard
 from flightbed.core.compiled import Array
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.input_model import InputModel
 from flightbed.estimation.input_observer import InputKalmanFilter, random_walk
 from flightbed.estimation.reconstruction import FAR, PitchMotion

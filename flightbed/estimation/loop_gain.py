@@ -7,12 +7,13 @@ from types import MappingProxyType
 
 import numpy as np
 
+from flightbed.avionics.onboard import OnBoard
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation import kernels, pitch_model
-from flightbed.estimation.base import OnBoard
+from flightbed.estimation import kernels
 from flightbed.estimation.kernels import TickResult
+from flightbed.estimation.loop_gain_scheduled import tick
 
 _new = tuple.__new__
 _BEGIN = MappingProxyType({"fixed": kernels.FIXED, "measurement": kernels.ANCHORED, "corrected": kernels.CORRECTED})
@@ -89,7 +90,7 @@ def observe(
         elevator = then[field] if k > 0 else 0.0
     if schedule.size == 0:
         return kernels.tick(bank, settings, elevator - offset, now[0] - alpha_trim, now[1], k)
-    return pitch_model.tick(
+    return tick(
         bank, settings, schedule, dt, elevator, now[0], now[1], then[0], then[1], then[4], then[5], then[6], then[7], k
     )
 
@@ -150,9 +151,7 @@ class LoopGain:
         if self._schedule is None:
             kernels.tick(self._bank, self._settings, 0.0, 0.0, 0.0, 0)
         else:
-            pitch_model.tick(
-                self._bank, self._settings, self._schedule, self._dt, 0.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0
-            )
+            tick(self._bank, self._settings, self._schedule, self._dt, 0.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0)
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
@@ -173,7 +172,7 @@ class LoopGain:
         else:
             then = self._last or measurement
             self._last = measurement
-            found = pitch_model.tick(
+            found = tick(
                 self._bank,
                 self._settings,
                 self._schedule,

@@ -17,10 +17,10 @@ from typing import Literal
 
 import numpy as np
 
+from flightbed.avionics import pitch_kernels
+from flightbed.avionics.onboard import OnBoard
 from flightbed.core.compiled import Array
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.estimation import pitch_model
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.plid import CONVENTIONAL, Form, Plid, PlidConfig, Tracking
 
 _NOTHING = np.zeros((1, 2))
@@ -188,7 +188,7 @@ class PlidEffectiveness:
         """Return denominator and numerator, (2,) each, of the healthy aircraft over the period that starts at a measurement."""
         if self._schedule is None:
             return self._design
-        pitch_model.local_model(
+        pitch_kernels.local_model(
             self._schedule, self._model, self._work, self._smoothed, 1.0 / self._hz, at.alpha_rad, at.q_rad_s, at.elevator_rad,
             at.mach, at.altitude_m, at.theta_rad, at.phi_rad, 0.0,
         )  # fmt: skip

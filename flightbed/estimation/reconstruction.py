@@ -18,12 +18,13 @@ from math import isfinite, nan
 
 import numpy as np
 
+from flightbed.avionics import pitch_kernels
+from flightbed.avionics.onboard import OnBoard
 from flightbed.core.actuator import ActuatorOnBoard
 from flightbed.core.compiled import Array
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation import following, kernels, pitch_model
-from flightbed.estimation.base import OnBoard
+from flightbed.estimation import following, kernels
 from flightbed.estimation.following import FollowingConfig
 from flightbed.estimation.following_kernels import ALARMS, follow, restart
 from flightbed.estimation.input_model import InputModel
@@ -84,7 +85,7 @@ class PitchMotion:
         The next call overwrites the array.
         """
         if self._schedule is not None:
-            pitch_model.local_model(
+            pitch_kernels.local_model(
                 self._schedule, self._rows, self._work, 1.0, self._dt, m.alpha_rad, m.q_rad_s, acting_rad,
                 m.mach, m.altitude_m, m.theta_rad, m.phi_rad, 0.0,
             )  # fmt: skip

@@ -16,10 +16,10 @@ from math import nan, sqrt
 
 import numpy as np
 
+from flightbed.avionics import pitch_kernels
+from flightbed.avionics.onboard import OnBoard
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.estimation import pitch_model
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.kernels import TickResult
 
 
@@ -69,8 +69,8 @@ def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) 
         control = settings[13] * elevator
     else:
         here, there = state[15:23].reshape((2, 4)), state[23:31].reshape((2, 4))
-        pitch_model.rates(schedule, here, alpha, q, 0.0, now[4], now[5], now[6], now[7])
-        pitch_model.rates(schedule, there, alpha, q, smoothed * elevator, now[4], now[5], now[6], now[7])
+        pitch_kernels.rates(schedule, here, alpha, q, 0.0, now[4], now[5], now[6], now[7])
+        pitch_kernels.rates(schedule, there, alpha, q, smoothed * elevator, now[4], now[5], now[6], now[7])
         model = here[1, 0]
         control = (there[1, 0] - here[1, 0]) / (smoothed if smoothed > 1e-6 else 1.0)
     if k == 0:  # filters in steady state at the start of the flight

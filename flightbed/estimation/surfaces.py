@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flightbed.avionics import lateral_kernels, pitch_kernels
+from flightbed.avionics.onboard import OnBoard
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.signals import SURFACES, Estimate, LateralMeasurement, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation import pitch_model, surfaces_model
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.bias_test import chi_square_threshold
 from flightbed.estimation.two_stage import Forgetting, correct, predict
 
@@ -243,7 +243,7 @@ class TwoStagePitch:
         self._filter = _Filter(config, np.array([noise.alpha_rad, noise.q_rad_s]), unseen, self._dt)
         self._last: Measurement | None = None
         if self._schedule is not None:
-            pitch_model.local_model(
+            pitch_kernels.local_model(
                 self._schedule, self._model, self._work, 1.0, self._dt, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.0
             )
 
@@ -252,7 +252,7 @@ class TwoStagePitch:
         m, model = measurement, self._model
         if self._schedule is not None and self._last is not None:
             then = self._last
-            pitch_model.local_model(
+            pitch_kernels.local_model(
                 self._schedule, model, self._work, self._filter.smoothed, self._dt, then.alpha_rad, then.q_rad_s,
                 m.elevator_mean_rad, then.mach, then.altitude_m, then.theta_rad, then.phi_rad, 0.0,
             )  # fmt: skip
@@ -292,7 +292,7 @@ class TwoStageSurfaces:
         unseen[2:, 1:] = lateral.B * self._dt * np.array([noise.aileron_rad, noise.rudder_rad])
         self._filter = _Filter(config, np.array(stds), unseen, self._dt)
         self._last: tuple[Measurement, LateralMeasurement] | None = None
-        surfaces_model.local_model(
+        lateral_kernels.local_model(
             self._schedule, self._tables, self._work, 1.0, self._dt, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         )
 
@@ -301,7 +301,7 @@ class TwoStageSurfaces:
         m, turning, work = measurement, lateral, self._work
         if self._last is not None:
             then, turned = self._last
-            surfaces_model.local_model(
+            lateral_kernels.local_model(
                 self._schedule, self._tables, work, self._filter.smoothed, self._dt, m.elevator_mean_rad,
                 then.alpha_rad, then.q_rad_s, then.mach, then.altitude_m, then.theta_rad, then.phi_rad,
                 turned.beta_rad, turned.p_rad_s, turned.r_rad_s,

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
 from flightbed.core.signals import HEALTHY, Health, Truth
 from flightbed.core.units import G0
 from flightbed.gusts import Gusts, calm
-from flightbed.short_period import ShortPeriod, zero_order_hold
 
 Row = tuple[float, ...]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.design import closed_loop, default_poles, design_proportional, peak_deflection
 from flightbed.core.units import DEG
-from flightbed.short_period import ShortPeriod
 
 
 def _adaptation(*, caution: float = 0.0, trim_rad: float = 0.0, peak_per_reference: float | None = None) -> Adaptation:

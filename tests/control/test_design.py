@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.signal import place_poles
 
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.control.base import Gains
 from flightbed.control.design import (
     closed_loop,
@@ -20,7 +21,6 @@ from flightbed.control.design import (
     reference_gain,
 )
 from flightbed.core.errors import DesignError
-from flightbed.short_period import ShortPeriod
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "sillence.toml").read_text())
 

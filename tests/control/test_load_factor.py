@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dimpulse
 
+from flightbed.avionics.pitch_points import PitchPoint, dynamic_pressure_pa
 from flightbed.config.kinds import Control, Identification
 from flightbed.control.ackermann import AckermannConfig, IntegralPlacement
 from flightbed.control.autothrottle import Autothrottle
@@ -17,10 +18,8 @@ from flightbed.control.load_factor import (
     POLES,
     GainTable,
     LoadFactorDesign,
-    PitchPoint,
     closed_loop_poles,
     design_gains,
-    dynamic_pressure_pa,
     gain_table,
     increment_g,
     second_order,

@@ -8,13 +8,13 @@ import control
 import numpy as np
 import pytest
 
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.control.redesign import PitchWeights, Redesign, RedesignedPitch, pitch_lq
 from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
 from flightbed.mission import run
 from flightbed.scenario import load_scenario
-from flightbed.short_period import ShortPeriod
 
 WEIGHTS = PitchWeights(3.0 * DEG, 3.0 * DEG, 3.0 * DEG)
 Q, R = np.diag([(3.0 * DEG) ** -2, (3.0 * DEG) ** -2, 0.0]), np.array([[(3.0 * DEG) ** -2]])

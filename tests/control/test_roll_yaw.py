@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft.overlay import Aircraft
+from flightbed.avionics.lateral import LateralDirectional
+from flightbed.avionics.short_period import zero_order_hold
 from flightbed.control.adaptation import Adaptation
 from flightbed.control.lq import spectral_radius
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import LateralMeasurement
 from flightbed.core.units import DEG, FT
-from flightbed.lateral_directional import LateralDirectional, lateral_directional
 from flightbed.linearize import linearize
+from flightbed.models.reduce import lateral_directional
 from flightbed.plant.airframe import JsbsimAirframe
-from flightbed.short_period import zero_order_hold
 from flightbed.trim import trim
 
 HZ = 100

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from flightbed.avionics.short_period import zero_order_hold
 from flightbed.estimation.input_model import InputModel
-from flightbed.short_period import zero_order_hold
 
 
 def random_model(

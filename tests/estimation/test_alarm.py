@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from flightbed import load_scenario, run
+from flightbed.avionics.onboard import OnBoard
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG
 from flightbed.estimation import kernels
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
-from flightbed.short_period import ShortPeriod
 from tests.linear_flight import fly_linear
 
 QUIET = {"alpha_disturbance_rad_s": 0.02 * DEG, "q_disturbance_rad_s2": 0.1 * DEG}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, norm
 
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.units import DEG
 from flightbed.estimation import following_kernels as kernels
 from flightbed.estimation.following import FollowingConfig, begin, packed
@@ -22,7 +23,6 @@ from flightbed.estimation.reconstruction_methods import (
     RetrospectiveSettings,
     WalkSettings,
 )
-from flightbed.short_period import ShortPeriod
 
 SIGMA = np.array([0.03, 0.1108]) * DEG
 Q = (np.array([0.05, 0.3]) * DEG * 0.01 / SIGMA) ** 2

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from flightbed.avionics.onboard import OnBoard
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.config.kinds import EstimatorSettings, Prior
 from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG
 from flightbed.estimation import kernels
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.record import estimate_record
 from flightbed.factories import loop_gain_config
-from flightbed.short_period import ShortPeriod
 from tests.linear_flight import NOISE, fly_linear
 
 RUNS = 200

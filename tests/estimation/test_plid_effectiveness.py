@@ -9,9 +9,10 @@ import pytest
 from scipy.signal import freqz, lfilter, ss2tf
 
 from flightbed.assembly import sensor_noise
+from flightbed.avionics.onboard import OnBoard
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.signals import Estimate, Measurement, SensorNoise
 from flightbed.core.units import DEG
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.plid import CONVENTIONAL, Form
 from flightbed.estimation.plid_effectiveness import (
     PlidEffectiveness,
@@ -24,7 +25,6 @@ from flightbed.estimation.udu import FACTORED
 from flightbed.flight_result import fly_plan
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario
-from flightbed.short_period import ShortPeriod
 from flightbed.trial import readings_of_flights
 
 SILENT, NOISY = SensorNoise(0.03 * DEG, 1e-7 * DEG), SensorNoise(0.03 * DEG, 0.1108 * DEG)

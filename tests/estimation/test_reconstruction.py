@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from flightbed.assembly import assemble, sensor_noise
+from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
 from flightbed.consistency import idle_keys
 from flightbed.core.actuator import Actuator, ActuatorOnBoard
 from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.following_kernels import ACTUATOR, OFFSET, STAGGERED
 from flightbed.estimation.reconstruction import ElevatorReconstruction, ReconstructionConfig
 from flightbed.estimation.reconstruction_methods import WalkSettings

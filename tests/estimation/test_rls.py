@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear, lfilter
 
+from flightbed.avionics.onboard import OnBoard
+from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
-from flightbed.short_period import ShortPeriod
 
 NOISE = SensorNoise(0.03 * DEG, 0.1108 * DEG)
 

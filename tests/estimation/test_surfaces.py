@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from flightbed.assembly import assemble
+from flightbed.avionics.lateral_kernels import local_model
+from flightbed.avionics.onboard import OnBoard
 from flightbed.core.errors import ScenarioError
 from flightbed.core.units import DEG, FT
-from flightbed.estimation.base import OnBoard
 from flightbed.estimation.bias_test import BiasTest, BiasTestConfig, chi_square_threshold
 from flightbed.estimation.surfaces import SurfacesConfig, _Filter
-from flightbed.estimation.surfaces_model import local_model
 from flightbed.estimation.two_stage import (
     ConstantForgetting,
     Forgetting,

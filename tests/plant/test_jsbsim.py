@@ -15,11 +15,11 @@ from flightbed.core.units import DEG, FT, G0, LBF
 from flightbed.fdm.jsbsim import Fdm
 from flightbed.gusts import calm, one_minus_cosine
 from flightbed.linearize import linearize
+from flightbed.models.reduce import short_period
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
-from flightbed.short_period import short_period
 from flightbed.trim import TrimPoint, trim
 
 ALTITUDE = 20000 * FT

@@ -13,13 +13,13 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.stats import chi2, norm
 
+from flightbed.avionics.short_period import Discrete, ShortPeriod, zero_order_hold
 from flightbed.core.signals import HEALTHY, Health, Truth
 from flightbed.core.units import DEG, G0
 from flightbed.gusts import Gusts, calm, one_minus_cosine
 from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.plant import linear
 from flightbed.plant.linear import LinearPlant
-from flightbed.short_period import Discrete, ShortPeriod, zero_order_hold
 
 
 def test_equals_python_controls_response(design: ShortPeriod) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.avionics.short_period import zero_order_hold
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.units import FT, G0
 from flightbed.estimation.input_model import InputModel
-from flightbed.short_period import zero_order_hold
 from flightbed.studies.gupta import printed
 
 Array = npt.NDArray[np.float64]

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.avionics.short_period import zero_order_hold
 from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
 from flightbed.core.units import DEG
@@ -16,7 +17,6 @@ from flightbed.estimation.record import batch_estimate, estimate_record
 from flightbed.estimation.regression import difference_noise_covariance, least_squares
 from flightbed.estimation.sinusoids import phasor, second_order, transfer_function
 from flightbed.linear_aircraft import load_linear_aircraft
-from flightbed.short_period import zero_order_hold
 from flightbed.studies.base import Flights, Part
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.setup import thesis

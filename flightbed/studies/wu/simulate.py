@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.avionics.short_period import Discrete, zero_order_hold
 from flightbed.control.lq import LqServo, offset_weights, regulator
 from flightbed.estimation.bias_test import BiasTest, BiasTestConfig
 from flightbed.estimation.two_stage import (
@@ -26,7 +27,6 @@ from flightbed.estimation.two_stage import (
     TwoStageFilter,
     VariableForgetting,
 )
-from flightbed.short_period import Discrete, zero_order_hold
 from flightbed.studies.wu import printed
 from flightbed.studies.wu.printed import Change
 

@@ -8,8 +8,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.linearize import LinearModel
-
 Matrix = npt.NDArray[np.float64]
 Vector = npt.NDArray[np.float64]
 
@@ -56,12 +54,6 @@ class ShortPeriod:
     def discrete(self, hz: float) -> Discrete:
         """Return the zero-order-hold equivalent with the surface position as input, without the actuator."""
         return zero_order_hold(self.A, self.b, 1.0 / hz)
-
-
-def short_period(model: LinearModel, *, actuator_rad_s: float) -> ShortPeriod:
-    """Extract the short-period model from a linear model; speed, attitude and lateral motion are frozen."""
-    A, B = model.part(("alpha", "q"), ("elevator",))
-    return ShortPeriod(A, B[:, 0], actuator_rad_s, model.trim.alpha_rad, model.trim.controls.elevator)
 
 
 def zero_order_hold(A: Matrix, b: Matrix, period_s: float) -> Discrete:

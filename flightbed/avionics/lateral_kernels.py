@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import cos, sin, tan
 
+from flightbed.avionics.pitch_kernels import cell, rates
 from flightbed.core.atmosphere import air
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.units import G0
-from flightbed.estimation.pitch_model import cell, rates
 
 
 @compiled

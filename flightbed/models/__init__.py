@@ -1,0 +1,1 @@
+"""Trim, linear models, their modes and validity, and tables of an aircraft."""
