@@ -7,15 +7,6 @@ from math import ceil, inf
 
 from flightbed.avionics.onboard import OnBoard
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.command.base import Command
-from flightbed.command.chirp import chirp as _chirp
-from flightbed.command.constant import constant as _constant
-from flightbed.command.constant import none as _none
-from flightbed.command.doublet import doublet as _doublet
-from flightbed.command.multisine import multisine as _multisine
-from flightbed.command.prbs import prbs as _prbs
-from flightbed.command.pulses import pulses as _pulses
-from flightbed.command.three_two_one_one import three_two_one_one as _three_two_one_one
 from flightbed.config import families, kinds
 from flightbed.control.base import Gains, Law
 from flightbed.control.design import design_integral, design_proportional
@@ -38,92 +29,6 @@ from flightbed.failures.effector import ramp as _ramp
 from flightbed.failures.effector import stuck as _stuck
 from flightbed.gusts import Gusts, calm, one_minus_cosine, sine
 from flightbed.settings.scenario import Scenario
-
-
-def doublet(settings: kinds.Command) -> Command:
-    """Doublets of +-amplitude_deg_s, each period_s long, count of them from start_s on."""
-    return _doublet(
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        period_s=settings.period_s,
-        count=settings.count,
-        start_s=settings.start_s,
-    )
-
-
-def three_two_one_one(settings: kinds.Command) -> Command:
-    """Alternate pulses of +-amplitude_deg_s, 3, 2, 1 and 1 sevenths of period_s long, count sequences."""
-    return _three_two_one_one(
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        period_s=settings.period_s,
-        count=settings.count,
-        start_s=settings.start_s,
-    )
-
-
-def chirp(settings: kinds.Command) -> Command:
-    """Sweep a sine of amplitude_deg_s from low_hz to high_hz in period_s, count times."""
-    return _chirp(
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        low_hz=settings.low_hz,
-        high_hz=settings.high_hz,
-        period_s=settings.period_s,
-        count=settings.count,
-        start_s=settings.start_s,
-    )
-
-
-def multisine(settings: kinds.Command) -> Command:
-    """Add all harmonics of 1/period_s in the band, phased for low peaks of amplitude_deg_s, count periods."""
-    return _harmonics(settings, count=settings.count)
-
-
-def dither(settings: kinds.Command) -> Command:
-    """Repeat a multisine, small by default, from start_s to the end of the flight, to excite level flight."""
-    return _harmonics(settings, count=inf)
-
-
-def _harmonics(settings: kinds.Command, *, count: float) -> Command:
-    return _multisine(
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        low_hz=settings.low_hz,
-        high_hz=settings.high_hz,
-        period_s=settings.period_s,
-        count=count,
-        start_s=settings.start_s,
-    )
-
-
-def random(settings: kinds.Command) -> Command:
-    """Switch +-amplitude_deg_s pseudo-randomly, at most every switch_s; zero mean, count sequences."""
-    return _prbs(
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        switch_s=settings.switch_s,
-        register_bits=settings.register_bits,
-        seed=settings.seed,
-        count=settings.count,
-        start_s=settings.start_s,
-    )
-
-
-def constant(settings: kinds.Command) -> Command:
-    """Hold amplitude_deg_s from start_s on: a step."""
-    return _constant(amplitude_rad_s=settings.amplitude_deg_s * DEG, start_s=settings.start_s)
-
-
-def pulse(settings: kinds.Command) -> Command:
-    """Hold amplitude_deg_s for period_s from start_s on: a rectangular pulse."""
-    return _pulses(
-        [1],
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        period_s=settings.period_s,
-        count=1,
-        start_s=settings.start_s,
-    )
-
-
-def none(_settings: kinds.Command) -> Command:
-    """Command zero pitch rate: straight and level flight."""
-    return _none()
 
 
 def _poles(settings: kinds.Control) -> list[complex] | None:

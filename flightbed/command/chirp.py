@@ -7,6 +7,8 @@ from math import floor, pi
 import numpy as np
 
 from flightbed.command.base import ROUND_OFF_S, Command, Vector
+from flightbed.config import kinds
+from flightbed.core.units import DEG
 
 
 def chirp(
@@ -33,3 +35,15 @@ def chirp(
         return np.where(active, amplitude_rad_s * np.sin(2.0 * pi * cycles), 0.0)
 
     return command
+
+
+def build(settings: kinds.Command) -> Command:
+    """Sweep a sine of amplitude_deg_s from low_hz to high_hz in period_s, count times."""
+    return chirp(
+        amplitude_rad_s=settings.amplitude_deg_s * DEG,
+        low_hz=settings.low_hz,
+        high_hz=settings.high_hz,
+        period_s=settings.period_s,
+        count=settings.count,
+        start_s=settings.start_s,
+    )

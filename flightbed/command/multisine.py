@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from math import ceil, log2, pi
+from math import ceil, inf, log2, pi
 
 import numpy as np
 import numpy.typing as npt
 
 from flightbed.command.base import ROUND_OFF_S, Command, Vector, relative_peak_factor
+from flightbed.config import kinds
 from flightbed.core.harmonics import harmonics
+from flightbed.core.units import DEG
 
 _CURVATURES = (1.0, 1.5, 2.0)  # of the initial phases; a single start sometimes ends in a poor local minimum
 _NORMS = (4, 8, 16, 32, 64, 128, 256, 512)
@@ -136,3 +138,24 @@ def multisine(
         return np.where(active, each * total, 0.0)
 
     return command
+
+
+def build(settings: kinds.Command) -> Command:
+    """Add all harmonics of 1/period_s in the band, phased for low peaks of amplitude_deg_s, count periods."""
+    return _repeated(settings, count=settings.count)
+
+
+def build_dither(settings: kinds.Command) -> Command:
+    """Repeat a build, small by default, from start_s to the end of the flight, to excite level flight."""
+    return _repeated(settings, count=inf)
+
+
+def _repeated(settings: kinds.Command, *, count: float) -> Command:
+    return multisine(
+        amplitude_rad_s=settings.amplitude_deg_s * DEG,
+        low_hz=settings.low_hz,
+        high_hz=settings.high_hz,
+        period_s=settings.period_s,
+        count=count,
+        start_s=settings.start_s,
+    )

@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.command.base import ROUND_OFF_S, Command, Vector
+from flightbed.config import kinds
+from flightbed.core.units import DEG
 
 
 def pulses(
@@ -30,3 +32,14 @@ def pulses(
         return np.where(active, levels[part], 0.0)
 
     return command
+
+
+def build(settings: kinds.Command) -> Command:
+    """Hold amplitude_deg_s for period_s from start_s on: a rectangular build."""
+    return pulses(
+        [1],
+        amplitude_rad_s=settings.amplitude_deg_s * DEG,
+        period_s=settings.period_s,
+        count=1,
+        start_s=settings.start_s,
+    )

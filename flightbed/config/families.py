@@ -21,15 +21,15 @@ from flightbed.core.errors import ExtensionError, UnknownNameError
 _BUILT_IN = MappingProxyType(
     {
         "commands": {
-            "doublet": "doublet",
-            "3-2-1-1": "three_two_one_one",
-            "chirp": "chirp",
-            "multisine": "multisine",
-            "random": "random",
-            "dither": "dither",
-            "constant": "constant",
-            "pulse": "pulse",
-            "none": "none",
+            "doublet": "flightbed.command.doublet:build",
+            "3-2-1-1": "flightbed.command.three_two_one_one:build",
+            "chirp": "flightbed.command.chirp:build",
+            "multisine": "flightbed.command.multisine:build",
+            "random": "flightbed.command.random:build",
+            "dither": "flightbed.command.multisine:build_dither",
+            "constant": "flightbed.command.constant:build",
+            "pulse": "flightbed.command.pulses:build",
+            "none": "flightbed.command.constant:build_none",
         },
         "laws": {
             "proportional": "proportional",

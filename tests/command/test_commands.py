@@ -9,7 +9,7 @@ from scipy.signal import cont2discrete, dlsim
 from flightbed.command.base import energy, profile, relative_peak_factor
 from flightbed.command.constant import constant, none
 from flightbed.command.doublet import doublet
-from flightbed.command.prbs import inverse_repeat, prbs
+from flightbed.command.random import inverse_repeat, prbs
 from flightbed.command.three_two_one_one import three_two_one_one
 
 T = np.arange(1650) / 100

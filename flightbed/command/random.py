@@ -6,6 +6,8 @@ import numpy as np
 
 from flightbed.command.base import Command, Vector
 from flightbed.command.pulses import pulses
+from flightbed.config import kinds
+from flightbed.core.units import DEG
 
 
 def inverse_repeat(register_bits: int) -> Vector:
@@ -49,4 +51,16 @@ def prbs(
         period_s=len(signs) * switch_s,
         count=count,
         start_s=start_s,
+    )
+
+
+def build(settings: kinds.Command) -> Command:
+    """Switch +-amplitude_deg_s pseudo-randomly, at most every switch_s; zero mean, count sequences."""
+    return prbs(
+        amplitude_rad_s=settings.amplitude_deg_s * DEG,
+        switch_s=settings.switch_s,
+        register_bits=settings.register_bits,
+        seed=settings.seed,
+        count=settings.count,
+        start_s=settings.start_s,
     )
