@@ -47,16 +47,6 @@ _FAILURE_NEEDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 _FAILURE_MAY: Mapping[str, tuple[str, ...]] = MappingProxyType({"ramp": ("over_s",)})
 _FAILURE_KEYS = ("to", "force_to", "over_s", "shift_cbar", "side", "bias_deg")
 _ELEVATOR_ONLY = ("structural", "cg-shift")
-# Actuator failures -> suffix of the JSBSim property that an overlay must name for them.
-ACTUATOR_FAILURES: Mapping[str, str] = MappingProxyType(
-    {
-        "stuck": "stuck",
-        "floating": "offset_rad",
-        "bias": "offset_rad",
-        "rate-limit": "rate_limit_rad_s",
-        "hardover": "cmd_rad",
-    }
-)
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
 # Keys of the law nz-adaptive alone, and of flights commanded in g alone.
 _IDENTIFICATION = (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, inf
 
 from flightbed.avionics.onboard import OnBoard
 from flightbed.avionics.short_period import ShortPeriod
@@ -19,14 +18,7 @@ from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
 from flightbed.estimation.surfaces import SurfacesConfig, TwoStagePitch, TwoStageSurfaces
 from flightbed.estimation.two_stage import ConstantForgetting, Forgetting, NoForgetting, VariableForgetting
-from flightbed.failures.airframe import cg_shift as _cg_shift
 from flightbed.failures.base import HealthHistory, healthy
-from flightbed.failures.effector import bias as _bias
-from flightbed.failures.effector import effectiveness_loss, rate_limited, structural_damage
-from flightbed.failures.effector import floating as _floating
-from flightbed.failures.effector import hardover as _hardover
-from flightbed.failures.effector import ramp as _ramp
-from flightbed.failures.effector import stuck as _stuck
 from flightbed.gusts import Gusts, calm, one_minus_cosine, sine
 from flightbed.settings.scenario import Scenario
 
@@ -73,65 +65,6 @@ def lq_gains(settings: kinds.Control, design: ShortPeriod, control_hz: int, effe
 def _pitch_weights(settings: kinds.Control) -> PitchWeights:
     weights = settings.weights
     return PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG)
-
-
-def effectiveness(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Scale the effect of the deflection by `to`, from the first tick at or after at_s."""
-    return effectiveness_loss(
-        before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz)
-    )
-
-
-def structural(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Scale the elevator's pitching moment by `to` and its lift and drag by `force_to`, from at_s on."""
-    return structural_damage(
-        before, to=settings.to, force_to=settings.force_to, at_tick=failure_tick(settings, control_hz)
-    )
-
-
-def cg_shift(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Move the c.g. to shift_cbar mean chords aft of its take-off position, from at_s on."""
-    return _cg_shift(before, shift_cbar=settings.shift_cbar, at_tick=failure_tick(settings, control_hz))
-
-
-def ramp(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Reduce the effectiveness linearly from its value at at_s to `to`, over over_s seconds."""
-    at_tick = failure_tick(settings, control_hz)
-    ticks = max(1, round(settings.over_s * control_hz))
-    return _ramp(before, surface=settings.surface, to=settings.to, at_tick=at_tick, ticks=ticks)
-
-
-def stuck(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Jam the actuator at its position at at_s."""
-    return _stuck(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
-
-
-def floating(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Detach the surface from its actuator at at_s; it floats in the airstream."""
-    return _floating(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
-
-
-def hardover(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Run the actuator to the stop on the side low or high from at_s on, at its rate limit."""
-    to_rad = inf if settings.side == "high" else -inf
-    return _hardover(before, surface=settings.surface, to_rad=to_rad, at_tick=failure_tick(settings, control_hz))
-
-
-def rate_limit(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Scale the actuator's rate limit by `to`, from at_s on."""
-    return rate_limited(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
-
-
-def bias(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Add bias_deg to the acting deflection, absent from the position feedback, from at_s on."""
-    return _bias(
-        before, surface=settings.surface, by_rad=settings.bias_deg * DEG, at_tick=failure_tick(settings, control_hz)
-    )
-
-
-def failure_tick(settings: kinds.Failure, control_hz: int) -> int:
-    """Return the first tick at or after the failure's time; round-off in at_s * control_hz does not delay it."""
-    return ceil(settings.at_s * control_hz - 1e-6)
 
 
 def health_history(scenario: Scenario) -> HealthHistory:

@@ -24,7 +24,7 @@ from flightbed.core.units import DEG
 from flightbed.core.versions import versions
 from flightbed.estimation.base import estimate_names
 from flightbed.excitation import with_excitation
-from flightbed.factories import failure_tick
+from flightbed.failures.base import failure_tick
 from flightbed.fused import ready, rows_of
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.loop import Flight

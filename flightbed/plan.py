@@ -11,7 +11,6 @@ from flightbed.avionics.lateral import LateralDirectional
 from flightbed.avionics.schedule import Schedule
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.config import families
-from flightbed.consistency import ACTUATOR_FAILURES
 from flightbed.control.base import Gains, Law
 from flightbed.control.load_factor import LoadFactorDesign, LoadFactorLaw
 from flightbed.core.actuator import Actuator
@@ -19,6 +18,7 @@ from flightbed.core.errors import AircraftError, DesignError, NoTrimError, Scena
 from flightbed.core.units import DEG, FT
 from flightbed.envelope import pitch_point, pitch_points
 from flightbed.factories import lq_gains
+from flightbed.failures.base import ACTUATOR_FAILURES
 from flightbed.linear_aircraft import LinearAircraft, load_flyable
 from flightbed.linearize import linearize
 from flightbed.margins import Margins, pitch_margins

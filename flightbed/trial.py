@@ -18,7 +18,7 @@ from flightbed.control.proportional import Proportional
 from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG, FT
 from flightbed.failures.base import healthy
-from flightbed.failures.effector import effectiveness_loss
+from flightbed.failures.surface import effectiveness_loss
 from flightbed.plant.linear import LinearPlant
 from flightbed.sensors import Sensors
 

@@ -16,7 +16,7 @@ from flightbed.core.units import DEG
 from flightbed.estimation.base import Estimator
 from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
 from flightbed.failures.base import healthy
-from flightbed.failures.effector import effectiveness_loss
+from flightbed.failures.surface import effectiveness_loss
 from flightbed.loop import Flight, fly
 from flightbed.plant.linear import LinearPlant
 from flightbed.sensors import Sensors

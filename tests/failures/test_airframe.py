@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flightbed.core.signals import HEALTHY, Health
-from flightbed.failures.airframe import cg_shift
 from flightbed.failures.base import healthy
-from flightbed.failures.effector import effectiveness_loss
+from flightbed.failures.cg_shift import cg_shift
+from flightbed.failures.surface import effectiveness_loss
 
 
 @given(at=st.integers(0, 1000), shift=st.floats(-0.5, 0.5), tick=st.integers(0, 2000))

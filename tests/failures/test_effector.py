@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flightbed.core.signals import HEALTHY, NO_FAULT, SURFACES, Fault, Health
-from flightbed.failures.airframe import cg_shift
 from flightbed.failures.base import HealthHistory, healthy
-from flightbed.failures.effector import (
+from flightbed.failures.cg_shift import cg_shift
+from flightbed.failures.surface import (
     bias,
     effectiveness_loss,
     floating,

@@ -13,7 +13,7 @@ from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.signals import HEALTHY, SURFACES, Health, LateralTruth, Truth
 from flightbed.core.units import DEG, FT
 from flightbed.failures.base import HealthHistory, healthy
-from flightbed.failures.effector import bias, effectiveness_loss, floating, hardover, rate_limited, stuck
+from flightbed.failures.surface import bias, effectiveness_loss, floating, hardover, rate_limited, stuck
 from flightbed.fdm.jsbsim import Fdm
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.nonlinear import JsbsimPlant, Start

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
+from math import inf
 from types import MappingProxyType
 from typing import Any
 
+from flightbed.config import kinds
 from flightbed.core.signals import HEALTHY, SURFACES, Health
-from flightbed.failures.base import HealthHistory
+from flightbed.core.units import DEG
+from flightbed.failures.base import HealthHistory, failure_tick
 
 # Surface -> the fields of Health that hold its effectiveness.
 _SHARES: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -106,3 +109,52 @@ def _wrong(was: Health, number: int, wrong: tuple[tuple[str, Any], ...]) -> Heal
         fault._replace(**dict(wrong)) if i == number else fault for i, fault in enumerate(was.faults)
     )
     return was._replace(faults=(elevator, aileron, rudder))
+
+
+def build_effectiveness(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Scale the effect of the deflection by `to`, from the first tick at or after at_s."""
+    return effectiveness_loss(
+        before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz)
+    )
+
+
+def build_structural(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Scale the elevator's pitching moment by `to` and its lift and drag by `force_to`, from at_s on."""
+    return structural_damage(
+        before, to=settings.to, force_to=settings.force_to, at_tick=failure_tick(settings, control_hz)
+    )
+
+
+def build_ramp(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Reduce the build_effectiveness linearly from its value at at_s to `to`, over over_s seconds."""
+    at_tick = failure_tick(settings, control_hz)
+    ticks = max(1, round(settings.over_s * control_hz))
+    return ramp(before, surface=settings.surface, to=settings.to, at_tick=at_tick, ticks=ticks)
+
+
+def build_stuck(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Jam the actuator at its position at at_s."""
+    return stuck(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
+
+
+def build_floating(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Detach the surface from its actuator at at_s; it floats in the airstream."""
+    return floating(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
+
+
+def build_hardover(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Run the actuator to the stop on the side low or high from at_s on, at its rate limit."""
+    to_rad = inf if settings.side == "high" else -inf
+    return hardover(before, surface=settings.surface, to_rad=to_rad, at_tick=failure_tick(settings, control_hz))
+
+
+def build_rate_limit(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Scale the actuator's rate limit by `to`, from at_s on."""
+    return rate_limited(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
+
+
+def build_bias(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Add bias_deg to the acting deflection, absent from the position feedback, from at_s on."""
+    return bias(
+        before, surface=settings.surface, by_rad=settings.bias_deg * DEG, at_tick=failure_tick(settings, control_hz)
+    )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from flightbed.config import kinds
 from flightbed.core.signals import Health
-from flightbed.failures.base import HealthHistory
+from flightbed.failures.base import HealthHistory, failure_tick
 
 
 def cg_shift(before: HealthHistory, *, shift_cbar: float, at_tick: int) -> HealthHistory:
@@ -22,3 +23,8 @@ def cg_shift(before: HealthHistory, *, shift_cbar: float, at_tick: int) -> Healt
 def _moved(was: Health, shift_cbar: float) -> Health:
     """Return the health with another c.g. shift."""
     return was._replace(cg_shift_cbar=shift_cbar)
+
+
+def build(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
+    """Move the c.g. to shift_cbar mean chords aft of its take-off position, from at_s on."""
+    return cg_shift(before, shift_cbar=settings.shift_cbar, at_tick=failure_tick(settings, control_hz))
