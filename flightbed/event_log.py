@@ -9,7 +9,7 @@ import numpy as np
 from flightbed.config.kinds import Failure, GustSettings
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
-from flightbed.estimation.following_kernels import ACTUATOR
+from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR
 from flightbed.loop import DEPARTURE_RAD
 from flightbed.metrics import at_stop, since_s
 from flightbed.pacing import Spell, late_spells

@@ -24,10 +24,11 @@ from flightbed.control.proportional import Proportional, proportional_demand
 from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement, Truth
-from flightbed.estimation import loop_gain, rls
+from flightbed.estimation import differentiated_rls
 from flightbed.estimation.base import Estimator, SurfacesEstimator
-from flightbed.estimation.loop_gain import LoopGain
-from flightbed.estimation.rls import DifferentiatedRls
+from flightbed.estimation.differentiated_rls import DifferentiatedRls
+from flightbed.estimation.loop_gain import estimator as loop_gain
+from flightbed.estimation.loop_gain.estimator import LoopGain
 from flightbed.loop import DEPARTURE_RAD, Flight, invalid_estimate
 from flightbed.plant import properties
 from flightbed.plant.nonlinear import JsbsimPlant
@@ -88,7 +89,7 @@ def _tick(store: Array, k: int) -> float:
             bank = store[a:b].reshape((-1, int(store[block + 1])))
             found = loop_gain.observe(bank, store[b:c], store[c:d], store[d:e], previous, measurement, k)
         else:
-            found = rls.observe(store[a:b], store[b:c], store[c:d], measurement, k)
+            found = differentiated_rls.observe(store[a:b], store[b:c], store[c:d], measurement, k)
         to = _FIRST_ESTIMATE + number * _FIELDS
         (
             row[to], row[to + 1], row[to + 2], row[to + 3], row[to + 4], row[to + 5],

@@ -4,29 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import exp
-from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 
-from flightbed.avionics.onboard import OnBoard
 from flightbed.config import kinds
 from flightbed.control.ackermann import AckermannConfig
 from flightbed.control.autothrottle import Autothrottle
 from flightbed.control.load_factor import POLES, LoadFactorDesign, LoadFactorLaw, gain_table, second_order
 from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, rest_state
 from flightbed.control.nz_scheduled import NzScheduled
-from flightbed.core.units import DEG, FT
-from flightbed.estimation.base import Estimator
-from flightbed.estimation.plid import CONVENTIONAL, PlidConfig, Tracking
-from flightbed.estimation.plid_effectiveness import PlidEffectiveness, PlidEffectivenessConfig
-from flightbed.estimation.udu import FACTORED
-
-_FORMS = MappingProxyType({"factored": FACTORED, "plain": CONVENTIONAL})
-
-
-def _dtype(precision: str) -> Literal["float64", "float32"]:
-    return "float32" if precision == "single" else "float64"
+from flightbed.core.units import FT
+from flightbed.estimation.plid.estimator import FORMS as _FORMS
+from flightbed.estimation.plid.estimator import dtype_of as _dtype
+from flightbed.estimation.plid.identify import PlidConfig, Tracking
 
 
 def _poles(settings: kinds.Control) -> Sequence[complex]:
@@ -86,22 +76,4 @@ def autothrottle(settings: kinds.Autothrottle, *, airspeed_m_s: float, control_h
         airspeed_m_s,
         settings.then_fps * FT if settings.then_fps else airspeed_m_s,
         round(settings.then_at_s * control_hz),
-    )
-
-
-def plid(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
-    """Pseudo-linear identification (Kemp 1987) from elevator to pitch rate; K is the ratio of its numerator to the healthy one."""
-    return PlidEffectiveness(
-        PlidEffectivenessConfig(
-            scheduled=settings.model == "scheduled",
-            form=_FORMS[settings.form],
-            dtype=_dtype(settings.precision),
-            block_fade=settings.block_fade,
-            q_disturbance_rad_s2=settings.q_disturbance_deg_s2 * DEG,
-            smoothing=settings.smoothing,
-            bounds=(settings.bounds[0], settings.bounds[1]),
-            prior_effectiveness=settings.prior.effectiveness,
-            prior_effectiveness_var=settings.prior.effectiveness_std**2,
-        ),
-        onboard,
     )

@@ -14,7 +14,7 @@ from flightbed.control.proportional import Proportional
 from flightbed.core.signals import Sample, SensorNoise
 from flightbed.core.units import DEG
 from flightbed.estimation.base import Estimator
-from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
+from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig
 from flightbed.failures.base import healthy
 from flightbed.failures.surface import effectiveness_loss
 from flightbed.loop import Flight, fly

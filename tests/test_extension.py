@@ -31,8 +31,7 @@ from flightbed.config.own_code import at_hand, check_named, load, named_by, perm
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.ensemble import Job, fly_jobs, processes
-from flightbed.estimation.loop_gain import LoopGain
-from flightbed.factories import loop_gain_config
+from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
 from flightbed.failures.base import HealthHistory
 from flightbed.mission import run
 from flightbed.report import rerun_command

@@ -15,7 +15,7 @@ from flightbed.control.proportional import Proportional
 from flightbed.core import data
 from flightbed.core.errors import EstimateError
 from flightbed.core.signals import Estimate, Measurement, Truth
-from flightbed.estimation.loop_gain import LoopGain
+from flightbed.estimation.loop_gain.estimator import LoopGain
 from flightbed.fused import rows_of
 from flightbed.loop import Flight, fly
 from flightbed.mission import run

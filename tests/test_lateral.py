@@ -14,7 +14,7 @@ from flightbed.consistency import detectors, estimates
 from flightbed.core.errors import EstimateError, ScenarioError
 from flightbed.core.signals import Health, LateralNoise, LateralSample, LateralTruth, Sample
 from flightbed.core.units import DEG
-from flightbed.estimation.surfaces import TwoStagePitch, TwoStageSurfaces
+from flightbed.estimation.two_stage.estimator import TwoStagePitch, TwoStageSurfaces
 from flightbed.event_log import why_departed
 from flightbed.flight_result import Result
 from flightbed.loop import fly

@@ -22,7 +22,7 @@ from flightbed.config.kinds import EstimatorSettings
 from flightbed.core.signals import Measurement
 from flightbed.core.timing import interleaved, ratios, seconds
 from flightbed.estimation.base import Estimator
-from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
+from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig
 from flightbed.mission import fly
 from flightbed.plan import Plan, plan
 from flightbed.scenario import load_scenario

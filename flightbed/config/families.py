@@ -50,12 +50,12 @@ _BUILT_IN = MappingProxyType(
             "bias": "flightbed.failures.surface:build_bias",
         },
         "estimators": {
-            "loop-gain": "loop_gain",
-            "differentiated-rls": "differentiated_rls",
-            "two-stage": "two_stage",
-            "plid": "flightbed.kemp_factories:plid",
-            "retrospective-cost": "flightbed.reconstructions:retrospective_cost",
-            "input-kalman": "flightbed.reconstructions:input_kalman",
+            "loop-gain": "flightbed.estimation.loop_gain.estimator:build",
+            "differentiated-rls": "flightbed.estimation.differentiated_rls:build",
+            "two-stage": "flightbed.estimation.two_stage.estimator:build",
+            "plid": "flightbed.estimation.plid.estimator:build",
+            "retrospective-cost": "flightbed.estimation.reconstruction.kinds:retrospective_cost",
+            "input-kalman": "flightbed.estimation.reconstruction.kinds:input_kalman",
         },
         "studies": {
             "estimators": "flightbed.studies.estimators.study:estimators",

@@ -14,7 +14,7 @@ from flightbed.avionics.pitch_points import dynamic_pressure_pa
 from flightbed.control.ackermann import AckermannConfig, IntegralPlacement
 from flightbed.control.load_factor import GainTable, increment_g
 from flightbed.core.signals import Measurement
-from flightbed.estimation.plid import Form, Plid, PlidConfig
+from flightbed.estimation.plid.identify import Form, Plid, PlidConfig
 
 # Listing of D: s_0, with poles near the unit circle and the zero that the thesis expects; initial gains, used until a model is accepted.
 THESIS_PRIOR = (-0.9856, 1.953, 0.1416, -0.1025)

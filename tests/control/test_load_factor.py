@@ -30,8 +30,8 @@ from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation.plid import PlidConfig, Tracking
-from flightbed.estimation.udu import FACTORED
+from flightbed.estimation.plid.factored import FACTORED
+from flightbed.estimation.plid.identify import PlidConfig, Tracking
 from flightbed.kemp_factories import nz_adaptive
 
 POINT = PitchPoint(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flightbed.avionics.short_period import zero_order_hold
-from flightbed.estimation.input_model import InputModel
+from flightbed.estimation.reconstruction.input_model import InputModel
 
 
 def random_model(

@@ -10,8 +10,8 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG
-from flightbed.estimation import kernels
-from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
+from flightbed.estimation.loop_gain import filter_bank
+from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig
 from tests.linear_flight import fly_linear
 
 QUIET = {"alpha_disturbance_rad_s": 0.02 * DEG, "q_disturbance_rad_s2": 0.1 * DEG}
@@ -97,18 +97,18 @@ def test_sigma_is_honest_in_rough_air_if_disturbances_are_followed(
 
 
 def test_the_tick_with_all_of_it_gives_the_same_compiled_and_plain(rng: np.random.Generator) -> None:
-    settings = kernels.pack_settings(
-        Q=np.diag([1e-10, 1e-8]), x0=np.array([0.0, 0.0, 1.0]), P0=np.diag([1e-5, 1e-4, 0.4]), inflation=1.0, begin=kernels.ANCHORED,
+    settings = filter_bank.pack_settings(
+        Q=np.diag([1e-10, 1e-8]), x0=np.array([0.0, 0.0, 1.0]), P0=np.diag([1e-5, 1e-4, 0.4]), inflation=1.0, begin=filter_bank.ANCHORED,
         keep=0.9, bounds=(0.0, 1.0), r=np.array([3e-7, 4e-6]), model=np.array([[0.99, 0.01, 0.0, 0.0], [0.02, 0.99, -0.14, 0.0]]),
         threshold=12.0, adaptive=True, hold_var=0.09,
     )  # fmt: skip
-    one, two = kernels.new_bank(10), kernels.new_bank(10)
+    one, two = filter_bank.new_bank(10), filter_bank.new_bank(10)
     x, alarms = np.zeros(2), 0.0
     for k in range(80):
         u = 0.05 * np.sin(0.3 * k)
         z0, z1 = (x + rng.standard_normal(2) * [5e-4, 2e-3]).tolist()
-        compiled = kernels.tick(one, settings, u, z0, z1, k)
-        plain = kernels.tick.py_func(two, settings, u, z0, z1, k)
+        compiled = filter_bank.tick(one, settings, u, z0, z1, k)
+        plain = filter_bank.tick.py_func(two, settings, u, z0, z1, k)
         assert compiled == pytest.approx(plain, rel=1e-9, abs=1e-13)
         alarms = compiled[7]
         x = np.array([[0.99, 0.01], [0.02, 0.99]]) @ x + [0.0, -0.14 * u * (1.0 if k < 40 else 0.2)]

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom, chi2
 
-from flightbed.estimation.bias_test import (
+from flightbed.estimation.two_stage.change_test import (
     BiasTest,
     BiasTestConfig,
     calibrated_threshold,

@@ -12,16 +12,23 @@ from scipy.stats import binom, chi2, norm
 
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.units import DEG
-from flightbed.estimation import following_kernels as kernels
-from flightbed.estimation.following import FollowingConfig, begin, packed
-from flightbed.estimation.following_kernels import STAGGERED, Following, FollowingEstimate, follow, restart, solved
-from flightbed.estimation.input_model import InputModel
-from flightbed.estimation.reconstruction_methods import (
+from flightbed.estimation.reconstruction import regression_kernels as kernels
+from flightbed.estimation.reconstruction.input_model import InputModel
+from flightbed.estimation.reconstruction.methods import (
     Method,
     RandomWalkMethod,
     RetrospectiveCostMethod,
     RetrospectiveSettings,
     WalkSettings,
+)
+from flightbed.estimation.reconstruction.regression import FollowingConfig, begin, packed
+from flightbed.estimation.reconstruction.regression_kernels import (
+    STAGGERED,
+    Following,
+    FollowingEstimate,
+    follow,
+    restart,
+    solved,
 )
 
 SIGMA = np.array([0.03, 0.1108]) * DEG

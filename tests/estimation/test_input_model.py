@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from flightbed.estimation.input_model import InputModel, invariant_zeros
+from flightbed.estimation.reconstruction.input_model import InputModel, invariant_zeros
 from tests.estimation.random_models import oscillator, random_model
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
 
-from flightbed.estimation.input_model import InputModel, invariant_zeros
-from flightbed.estimation.input_observer import (
+from flightbed.estimation.reconstruction.input_kalman import (
     InputDynamics,
     InputKalmanFilter,
     UnknownInputObserver,
@@ -15,6 +14,7 @@ from flightbed.estimation.input_observer import (
     no_observer,
     random_walk,
 )
+from flightbed.estimation.reconstruction.input_model import InputModel, invariant_zeros
 from tests.estimation.random_models import oscillator, random_model
 
 

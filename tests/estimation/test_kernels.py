@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightbed.estimation import joint, kernels
+from flightbed.estimation import joint
+from flightbed.estimation.loop_gain import filter_bank
 
-BEGIN = {"fixed": kernels.FIXED, "anchored": kernels.ANCHORED, "corrected": kernels.CORRECTED}
+BEGIN = {"fixed": filter_bank.FIXED, "anchored": filter_bank.ANCHORED, "corrected": filter_bank.CORRECTED}
 
 
 def _bank(rng: np.random.Generator, filters: int) -> np.ndarray:
-    bank = kernels.new_bank(filters)
+    bank = filter_bank.new_bank(filters)
     root = 0.1 * rng.standard_normal((filters, 3, 3))
     bank[0:3] = 0.1 * rng.standard_normal((3, filters))
     # Products summed in another order are not symmetric to the last bit, as the filters' covariances are.
@@ -33,7 +34,7 @@ def test_a_step_is_a_prediction_and_a_correction(rng: np.random.Generator, filte
         joint.predict(X, P, T, model, u, q, inflation)
         innovations = [z[0] - X[0], z[1] - X[1], P[0, 0] + r[0], P[1, 1] + r[1]]
         joint.correct(X, P, T, np.eye(2), r, (float(z[0]), float(z[1])))
-        kernels.step(ours, model, u, q[0, 0], q[0, 1], q[1, 1], inflation, r[0], r[1], float(z[0]), float(z[1]))
+        filter_bank.step(ours, model, u, q[0, 0], q[0, 1], q[1, 1], inflation, r[0], r[1], float(z[0]), float(z[1]))
         np.testing.assert_array_equal(ours[:12], theirs[:12])
         np.testing.assert_array_equal(ours[21], T[3, 0])
         np.testing.assert_array_equal(ours[43:47], innovations)
@@ -44,11 +45,11 @@ def test_a_filter_starts_from_its_prior(rng: np.random.Generator, begin: str) ->
     x0, r, z = rng.standard_normal(3), rng.uniform(1e-4, 1e-2, 2), rng.standard_normal(2)
     root = rng.standard_normal((3, 3))
     P0 = 0.5 * (root @ root.T + (root @ root.T).T)
-    settings = kernels.pack_settings(
+    settings = filter_bank.pack_settings(
         Q=np.zeros((2, 2)), x0=x0, P0=P0, inflation=1.0, begin=BEGIN[begin], keep=0.9, bounds=(0.0, 1.0), r=r, model=np.zeros((2, 4))
     )  # fmt: skip
-    bank = kernels.new_bank(3)
-    kernels.start(bank, settings, 1, float(z[0]), float(z[1]))
+    bank = filter_bank.new_bank(3)
+    filter_bank.start(bank, settings, 1, float(z[0]), float(z[1]))
     X, P = x0[:, None].copy(), P0[:, :, None].copy()
     if begin == "anchored":
         X[:2, 0] = z

@@ -14,10 +14,9 @@ from flightbed.avionics.short_period import ShortPeriod
 from flightbed.config.kinds import EstimatorSettings, Prior
 from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG
-from flightbed.estimation import kernels
-from flightbed.estimation.loop_gain import LoopGain, LoopGainConfig
+from flightbed.estimation.loop_gain import filter_bank
+from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig, loop_gain_config
 from flightbed.estimation.record import estimate_record
-from flightbed.factories import loop_gain_config
 from tests.linear_flight import NOISE, fly_linear
 
 RUNS = 200
@@ -238,15 +237,15 @@ def test_adaptation_rescues_the_linear_plant(design: ShortPeriod) -> None:
 
 @pytest.mark.parametrize("filters", [1, 7])
 def test_the_tick_gives_the_same_compiled_and_plain(rng: np.random.Generator, filters: int) -> None:
-    settings = kernels.pack_settings(
-        Q=np.diag([1e-8, 1e-6]), x0=np.array([0.0, 0.0, 0.8]), P0=np.diag([1e-5, 1e-4, 0.4]), inflation=1.02, begin=kernels.ANCHORED,
+    settings = filter_bank.pack_settings(
+        Q=np.diag([1e-8, 1e-6]), x0=np.array([0.0, 0.0, 0.8]), P0=np.diag([1e-5, 1e-4, 0.4]), inflation=1.02, begin=filter_bank.ANCHORED,
         keep=0.9, bounds=(0.0, 1.0), r=np.array([3e-7, 4e-6]), model=np.array([[0.99, 0.01, 0.0, 1e-5], [0.02, 0.99, -0.14, 2e-4]]),
     )  # fmt: skip
-    one, two = kernels.new_bank(filters), kernels.new_bank(filters)
+    one, two = filter_bank.new_bank(filters), filter_bank.new_bank(filters)
     for k in range(40):
         u, z0, z1 = (float(v) for v in 0.01 * rng.standard_normal(3))
-        compiled = kernels.tick(one, settings, u, z0, z1, k)
-        plain = kernels.tick.py_func(two, settings, u, z0, z1, k)
+        compiled = filter_bank.tick(one, settings, u, z0, z1, k)
+        plain = filter_bank.tick.py_func(two, settings, u, z0, z1, k)
         assert compiled == pytest.approx(plain, rel=1e-10, abs=1e-14)
 
 

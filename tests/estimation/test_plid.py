@@ -10,14 +10,14 @@ import pytest
 from filterpy.kalman import KalmanFilter
 from scipy.linalg import solve_discrete_are
 
-from flightbed.estimation import plid, udu
-from flightbed.estimation.plid import CONVENTIONAL, Form, Plid, PlidConfig, Tracking
+from flightbed.estimation.plid import factored, identify
+from flightbed.estimation.plid.identify import CONVENTIONAL, Form, Plid, PlidConfig, Tracking
 from flightbed.studies.kemp import plants, printed
 from flightbed.studies.kemp.methods import estimates
 from flightbed.studies.kemp.plants import Record
 from flightbed.studies.kemp.trials import full_rank_at, random_plant
 
-FORMS = pytest.mark.parametrize("form", [CONVENTIONAL, udu.FACTORED], ids=["plain", "factored"])
+FORMS = pytest.mark.parametrize("form", [CONVENTIONAL, factored.FACTORED], ids=["plain", "factored"])
 
 
 def _extended(identifier: Plid) -> np.ndarray:
@@ -82,7 +82,7 @@ def test_deadbeat_comes_when_the_extended_state_is_observable_and_no_sooner(orde
         theta = random_plant(rng, order)
         u = np.concatenate([np.zeros(idle), rng.standard_normal(4 * order)])
         record = Record(np.tile(theta, (len(u), 1)), u, _response(theta, u))
-        error = np.max(np.abs(estimates(Plid(PlidConfig(order), udu.FACTORED), record) - theta), axis=1)
+        error = np.max(np.abs(estimates(Plid(PlidConfig(order), factored.FACTORED), record) - theta), axis=1)
         predicted = idle + 3 * order - min(idle + 1, order)
         assert full_rank_at(record) == predicted, seed
         condition = _condition(order, record, predicted)
@@ -203,7 +203,7 @@ def test_with_known_parameters_it_is_the_state_filter_of_the_riccati_equation(fo
 
 def test_single_precision_is_single_throughout() -> None:
     record = plants.record("A", 0.01, 0.01, 100, 0)
-    for form in (CONVENTIONAL, udu.FACTORED):
+    for form in (CONVENTIONAL, factored.FACTORED):
         single, double = (
             Plid(PlidConfig(3, process_var=0.01, output_var=0.01, dtype=dtype), form)
             for dtype in ("float32", "float64")
@@ -214,7 +214,7 @@ def test_single_precision_is_single_throughout() -> None:
         assert not np.all(_extended(double) == _extended(double).astype(np.float32))
 
 
-@pytest.mark.parametrize("kernel", [plid.step, udu.step], ids=["plain", "factored"])
+@pytest.mark.parametrize("kernel", [identify.step, factored.step], ids=["plain", "factored"])
 def test_compiled_and_plain_agree(kernel: Any) -> None:
     seed = zlib.crc32(b"compiled and plain")
     record = plants.record("C", 0.02, 0.01, 30, seed)

@@ -13,15 +13,15 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.signals import Estimate, Measurement, SensorNoise
 from flightbed.core.units import DEG
-from flightbed.estimation.plid import CONVENTIONAL, Form
-from flightbed.estimation.plid_effectiveness import (
+from flightbed.estimation.plid.estimator import (
     PlidEffectiveness,
     PlidEffectivenessConfig,
     band_pass,
     project,
     transfer_function,
 )
-from flightbed.estimation.udu import FACTORED
+from flightbed.estimation.plid.factored import FACTORED
+from flightbed.estimation.plid.identify import CONVENTIONAL, Form
 from flightbed.flight_result import fly_plan
 from flightbed.plan import plan
 from flightbed.scenario import load_scenario

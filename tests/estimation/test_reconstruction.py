@@ -16,9 +16,9 @@ from flightbed.core.actuator import Actuator, ActuatorOnBoard
 from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation.following_kernels import ACTUATOR, OFFSET, STAGGERED
-from flightbed.estimation.reconstruction import ElevatorReconstruction, ReconstructionConfig
-from flightbed.estimation.reconstruction_methods import WalkSettings
+from flightbed.estimation.reconstruction.elevator import ElevatorReconstruction, ReconstructionConfig
+from flightbed.estimation.reconstruction.methods import WalkSettings
+from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR, OFFSET, STAGGERED
 from flightbed.fused import rows_of
 from flightbed.loop import fly
 from flightbed.mission import run

@@ -10,9 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from flightbed.estimation import retrospective_kernels as kernels
-from flightbed.estimation.input_model import InputModel
-from flightbed.estimation.retrospective_cost import Reconstruction, RetrospectiveConfig, RetrospectiveCost
+from flightbed.estimation.reconstruction import retrospective_kernels as kernels
+from flightbed.estimation.reconstruction.input_model import InputModel
+from flightbed.estimation.reconstruction.retrospective_cost import (
+    Reconstruction,
+    RetrospectiveConfig,
+    RetrospectiveCost,
+)
 from tests.estimation.random_models import oscillator, random_model
 
 # Two inputs, two outputs, zeros inside the unit circle.

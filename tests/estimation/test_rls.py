@@ -10,7 +10,7 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG
-from flightbed.estimation.rls import DifferentiatedRls, RlsConfig
+from flightbed.estimation.differentiated_rls import DifferentiatedRls, RlsConfig
 
 NOISE = SensorNoise(0.03 * DEG, 0.1108 * DEG)
 

@@ -13,9 +13,9 @@ from flightbed.avionics.lateral_kernels import local_model
 from flightbed.avionics.onboard import OnBoard
 from flightbed.core.errors import ScenarioError
 from flightbed.core.units import DEG, FT
-from flightbed.estimation.bias_test import BiasTest, BiasTestConfig, chi_square_threshold
-from flightbed.estimation.surfaces import SurfacesConfig, _Filter
-from flightbed.estimation.two_stage import (
+from flightbed.estimation.two_stage.change_test import BiasTest, BiasTestConfig, chi_square_threshold
+from flightbed.estimation.two_stage.estimator import SurfacesConfig, _Filter
+from flightbed.estimation.two_stage.filter import (
     ConstantForgetting,
     Forgetting,
     NoForgetting,

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from flightbed.estimation import two_stage
-from flightbed.estimation.two_stage import (
+from flightbed.estimation.two_stage import filter as two_stage
+from flightbed.estimation.two_stage.filter import (
     ConstantForgetting,
     Forgetting,
     NoForgetting,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightbed.estimation import udu
-from flightbed.estimation.plid import Plid, PlidConfig, Tracking
+from flightbed.estimation.plid import factored as udu
+from flightbed.estimation.plid.identify import Plid, PlidConfig, Tracking
 from flightbed.studies.kemp import plants
 from flightbed.studies.kemp.methods import estimates
 

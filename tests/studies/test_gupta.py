@@ -11,7 +11,7 @@ import pytest
 
 from flightbed.document.document import Claim
 from flightbed.ensemble import processes
-from flightbed.estimation.input_model import invariant_zeros
+from flightbed.estimation.reconstruction.input_model import invariant_zeros
 from flightbed.studies.base import reproduce, run_trials
 from flightbed.studies.gupta import plants, printed, trials
 from flightbed.studies.gupta.claims import cases, claims

@@ -12,13 +12,13 @@ from flightbed.config import families
 from flightbed.control.lq import spectral_radius
 from flightbed.document.document import Claim, Picture, Section, Table
 from flightbed.ensemble import processes
-from flightbed.estimation.bias_test import (
+from flightbed.estimation.two_stage.change_test import (
     calibrated_threshold,
     chi_square_threshold,
     correlated_threshold,
     effective_degrees,
 )
-from flightbed.estimation.two_stage import VariableForgetting
+from flightbed.estimation.two_stage.filter import VariableForgetting
 from flightbed.studies.base import Part, distinct_jobs, reproduce, run_trials
 from flightbed.studies.wu import choices, detection, figures, measures, printed, tables
 from flightbed.studies.wu.claims import claims

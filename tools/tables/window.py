@@ -19,7 +19,8 @@ from filterpy.kalman import KalmanFilter
 from numba import njit
 
 from flightbed.core.timing import interleaved, ratios, seconds, spread
-from flightbed.estimation import joint, kernels
+from flightbed.estimation import joint
+from flightbed.estimation.loop_gain import filter_bank
 
 WINDOW, TICKS, ROUNDS = 30, 1000, 7
 A, B = np.array([[0.9912, 0.00942], [0.0203, 0.99]]), np.array([-0.0002, -0.1372])
@@ -38,11 +39,11 @@ for k in range(TICKS):
 
 def bank() -> list[float]:
     """Advance the bank; K-hat at every tick."""
-    state = kernels.new_bank(WINDOW)
-    settings = kernels.pack_settings(
-        Q=Q, x0=X0, P0=P0, inflation=1.0, begin=kernels.FIXED, keep=0.9, bounds=(-9.0, 9.0), r=R, model=MODEL
+    state = filter_bank.new_bank(WINDOW)
+    settings = filter_bank.pack_settings(
+        Q=Q, x0=X0, P0=P0, inflation=1.0, begin=filter_bank.FIXED, keep=0.9, bounds=(-9.0, 9.0), r=R, model=MODEL
     )
-    return [kernels.tick(state, settings, u[k], z[k, 0], z[k, 1], k)[3] for k in range(TICKS)]
+    return [filter_bank.tick(state, settings, u[k], z[k, 0], z[k, 1], k)[3] for k in range(TICKS)]
 
 
 @njit(cache=True)

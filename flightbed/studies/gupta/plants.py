@@ -8,7 +8,7 @@ import numpy.typing as npt
 from flightbed.avionics.short_period import zero_order_hold
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.units import FT, G0
-from flightbed.estimation.input_model import InputModel
+from flightbed.estimation.reconstruction.input_model import InputModel
 from flightbed.studies.gupta import printed
 
 Array = npt.NDArray[np.float64]

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.document.document import Section, Table
-from flightbed.estimation.input_model import InputModel
-from flightbed.estimation.input_observer import (
+from flightbed.estimation.reconstruction.input_kalman import (
     InputDynamics,
     InputKalmanFilter,
     UnknownInputObserver,
@@ -19,6 +18,7 @@ from flightbed.estimation.input_observer import (
     no_observer,
     random_walk,
 )
+from flightbed.estimation.reconstruction.input_model import InputModel
 from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import printed

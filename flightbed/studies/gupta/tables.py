@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.document.document import Section, Table
-from flightbed.estimation.input_model import invariant_zeros
+from flightbed.estimation.reconstruction.input_model import invariant_zeros
 from flightbed.statistics.intervals import Interval, share, spread
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.gupta import plants, printed

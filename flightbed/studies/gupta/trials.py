@@ -9,8 +9,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.estimation.input_model import InputModel
-from flightbed.estimation.retrospective_cost import RetrospectiveConfig, RetrospectiveCost
+from flightbed.estimation.reconstruction.input_model import InputModel
+from flightbed.estimation.reconstruction.retrospective_cost import RetrospectiveConfig, RetrospectiveCost
 from flightbed.studies.gupta import plants, printed
 
 Array = npt.NDArray[np.float64]

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.estimation import udu
-from flightbed.estimation.plid import Plid, PlidConfig, Tracking
+from flightbed.estimation.plid import factored as udu
+from flightbed.estimation.plid.identify import Plid, PlidConfig, Tracking
 from flightbed.estimation.rml import Rml, RmlConfig
 from flightbed.studies.kemp import printed
 from flightbed.studies.kemp.plants import Record

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.control.ackermann import AckermannConfig, IntegralPlacement
-from flightbed.estimation.plid import Plid, PlidConfig, Tracking
+from flightbed.estimation.plid.identify import Plid, PlidConfig, Tracking
 from flightbed.studies.kemp import methods, plants, printed
 from flightbed.studies.kemp.plants import Record
 

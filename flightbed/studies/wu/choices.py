@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.document.document import Section, Table
-from flightbed.estimation.two_stage import ConstantForgetting, Forgetting, VariableForgetting
+from flightbed.estimation.two_stage.filter import ConstantForgetting, Forgetting, VariableForgetting
 from flightbed.statistics.intervals import median_interval
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed

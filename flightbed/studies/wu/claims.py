@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.document.document import Claim, Section
-from flightbed.estimation.bias_test import chi_square_threshold
+from flightbed.estimation.two_stage.change_test import chi_square_threshold
 from flightbed.statistics.intervals import median_interval, share
 from flightbed.studies.base import Part, Trials, keyed_part
 from flightbed.studies.wu import printed

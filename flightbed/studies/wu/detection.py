@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.document.document import Section, Table
-from flightbed.estimation.bias_test import (
+from flightbed.estimation.two_stage.change_test import (
     calibrated_threshold,
     chi_square_threshold,
     correlated_threshold,

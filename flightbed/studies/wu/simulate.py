@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from flightbed.avionics.short_period import Discrete, zero_order_hold
 from flightbed.control.lq import LqServo, offset_weights, regulator
-from flightbed.estimation.bias_test import BiasTest, BiasTestConfig
-from flightbed.estimation.two_stage import (
+from flightbed.estimation.two_stage.change_test import BiasTest, BiasTestConfig
+from flightbed.estimation.two_stage.filter import (
     ConstantForgetting,
     Forgetting,
     NoForgetting,

@@ -13,15 +13,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import nan, sqrt
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from flightbed.avionics import pitch_kernels
 from flightbed.avionics.onboard import OnBoard
+from flightbed.config import kinds
 from flightbed.core.compiled import Array
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.estimation.plid import CONVENTIONAL, Form, Plid, PlidConfig, Tracking
+from flightbed.core.units import DEG
+from flightbed.estimation.base import Estimator
+from flightbed.estimation.plid.factored import FACTORED
+from flightbed.estimation.plid.identify import CONVENTIONAL, Form, Plid, PlidConfig, Tracking
+
+FORMS = MappingProxyType({"factored": FACTORED, "plain": CONVENTIONAL})
+
+
+def dtype_of(precision: str) -> Literal["float64", "float32"]:
+    return "float32" if precision == "single" else "float64"
+
 
 _NOTHING = np.zeros((1, 2))
 
@@ -193,3 +205,21 @@ class PlidEffectiveness:
             at.mach, at.altitude_m, at.theta_rad, at.phi_rad, 0.0,
         )  # fmt: skip
         return transfer_function(self._model[:, :2], self._model[:, 2])
+
+
+def build(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
+    """Pseudo-linear identification (Kemp 1987) from elevator to pitch rate; K is the ratio of its numerator to the healthy one."""
+    return PlidEffectiveness(
+        PlidEffectivenessConfig(
+            scheduled=settings.model == "scheduled",
+            form=FORMS[settings.form],
+            dtype=dtype_of(settings.precision),
+            block_fade=settings.block_fade,
+            q_disturbance_rad_s2=settings.q_disturbance_deg_s2 * DEG,
+            smoothing=settings.smoothing,
+            bounds=(settings.bounds[0], settings.bounds[1]),
+            prior_effectiveness=settings.prior.effectiveness,
+            prior_effectiveness_var=settings.prior.effectiveness_std**2,
+        ),
+        onboard,
+    )

@@ -11,11 +11,20 @@ import numpy as np
 
 from flightbed.avionics import lateral_kernels, pitch_kernels
 from flightbed.avionics.onboard import OnBoard
+from flightbed.config import kinds
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.signals import SURFACES, Estimate, LateralMeasurement, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation.bias_test import chi_square_threshold
-from flightbed.estimation.two_stage import Forgetting, correct, predict
+from flightbed.estimation.base import Estimator, SurfacesEstimator
+from flightbed.estimation.two_stage.change_test import chi_square_threshold
+from flightbed.estimation.two_stage.filter import (
+    ConstantForgetting,
+    Forgetting,
+    NoForgetting,
+    VariableForgetting,
+    correct,
+    predict,
+)
 
 
 @dataclass(frozen=True)
@@ -310,3 +319,33 @@ class TwoStageSurfaces:
         readings = np.array([m.alpha_rad, m.q_rad_s, turning.beta_rad, turning.p_rad_s, turning.r_rad_s])
         u = np.array([m.elevator_mean_rad, turning.aileron_mean_rad, turning.rudder_mean_rad])
         return self._filter.take(readings, *_parts(work, 5, 3), u, 0.0)
+
+
+def build(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator | SurfacesEstimator:
+    """Two-stage Kalman filter with forgetting (Wu, Zhang and Zhou 2000): of the elevator, or of all commanded surfaces."""
+    forgetting: Forgetting = NoForgetting()
+    if settings.memory == "fading":
+        forgetting = ConstantForgetting(settings.forgetting)
+    elif settings.memory == "variable":
+        forgetting = VariableForgetting(settings.variance_min, settings.variance_max)
+    config = SurfacesConfig(
+        forgetting=forgetting,
+        walk_std=settings.walk_std,
+        test_window=settings.window,
+        false_alarm=settings.false_alarm,
+        smoothing=settings.smoothing,
+        bounds=(settings.bounds[0], settings.bounds[1]),
+        prior_std=settings.prior.effectiveness_std,
+        follow_disturbances=settings.follow_disturbances,
+        scheduled=settings.model == "scheduled",
+        disturbances=(
+            settings.alpha_disturbance_deg_s * DEG,
+            settings.q_disturbance_deg_s2 * DEG,
+            settings.beta_disturbance_deg_s * DEG,
+            settings.p_disturbance_deg_s2 * DEG,
+            settings.r_disturbance_deg_s2 * DEG,
+        ),
+    )
+    if onboard.lateral is None:
+        return TwoStagePitch(config, onboard)
+    return TwoStageSurfaces(config, onboard)

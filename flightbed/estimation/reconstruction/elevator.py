@@ -24,17 +24,18 @@ from flightbed.core.actuator import ActuatorOnBoard
 from flightbed.core.compiled import Array
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation import following, kernels
-from flightbed.estimation.following import FollowingConfig
-from flightbed.estimation.following_kernels import ALARMS, follow, restart
-from flightbed.estimation.input_model import InputModel
-from flightbed.estimation.reconstruction_methods import (
+from flightbed.estimation.loop_gain import filter_bank
+from flightbed.estimation.reconstruction import regression
+from flightbed.estimation.reconstruction.input_model import InputModel
+from flightbed.estimation.reconstruction.methods import (
     Method,
     RandomWalkMethod,
     RetrospectiveCostMethod,
     RetrospectiveSettings,
     WalkSettings,
 )
+from flightbed.estimation.reconstruction.regression import FollowingConfig
+from flightbed.estimation.reconstruction.regression_kernels import ALARMS, follow, restart
 
 FAR = 1e4  # innovation, in standard deviations, beyond which the method restarts from the readings
 
@@ -96,7 +97,7 @@ class Disturbances:
     """Disturbances estimated from the readings, as in ``kernels.disturbance``, in standard deviations of the sensors; owns its sums."""
 
     def __init__(self) -> None:
-        self._bank, self._settings, self._tick = kernels.new_bank(1), np.ones(23), 0
+        self._bank, self._settings, self._tick = filter_bank.new_bank(1), np.ones(23), 0
         self._bank[24, 0] = self._bank[34, 0] = self._bank[35, 0] = 1.0
 
     def variances(self, model: InputModel, acting: float, y: Array) -> Array:
@@ -109,7 +110,7 @@ class Disturbances:
 
         """
         rows = np.column_stack([model.A, model.B, model.G])
-        more = kernels.disturbance(self._bank, self._settings, rows, acting, y[0], y[1], self._tick)
+        more = filter_bank.disturbance(self._bank, self._settings, rows, acting, y[0], y[1], self._tick)
         self.at(y)
         return np.array(more)
 
@@ -148,7 +149,7 @@ class ElevatorReconstruction:
             self._method = RandomWalkMethod(config.method, self._Q)
         else:
             self._method = RetrospectiveCostMethod(config.method.config(DEG))
-        self._settings = following.packed(config.following, noise.elevator_rad)
+        self._settings = regression.packed(config.following, noise.elevator_rad)
         self._window = config.following.window
         self._actuator = (
             ActuatorOnBoard(onboard.actuator, onboard.control_hz, onboard.delay_ticks) if onboard.actuator else None
@@ -163,7 +164,7 @@ class ElevatorReconstruction:
         self._reset(config)
 
     def _reset(self, config: ReconstructionConfig) -> None:
-        self._memory = following.begin(self._method.states, config.following)
+        self._memory = regression.begin(self._method.states, config.following)
         self._rough, self._acting, self._explained = Disturbances(), 0.0, (1.0, 0.0)
         self._before: InputModel | None = None
         self._tick, self._lost = 0, False

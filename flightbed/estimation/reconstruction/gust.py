@@ -24,11 +24,11 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.core.compiled import Array
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation.input_model import InputModel
-from flightbed.estimation.input_observer import InputKalmanFilter, random_walk
-from flightbed.estimation.reconstruction import FAR, PitchMotion
-from flightbed.estimation.reconstruction_methods import NOTHING, RetrospectiveSettings, WalkSettings
-from flightbed.estimation.retrospective_cost import RetrospectiveCost
+from flightbed.estimation.reconstruction.elevator import FAR, PitchMotion
+from flightbed.estimation.reconstruction.input_kalman import InputKalmanFilter, random_walk
+from flightbed.estimation.reconstruction.input_model import InputModel
+from flightbed.estimation.reconstruction.methods import NOTHING, RetrospectiveSettings, WalkSettings
+from flightbed.estimation.reconstruction.retrospective_cost import RetrospectiveCost
 
 
 @dataclass(frozen=True)

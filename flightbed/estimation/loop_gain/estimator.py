@@ -8,15 +8,18 @@ from types import MappingProxyType
 import numpy as np
 
 from flightbed.avionics.onboard import OnBoard
+from flightbed.config import kinds
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation import kernels
-from flightbed.estimation.kernels import TickResult
-from flightbed.estimation.loop_gain_scheduled import tick
+from flightbed.estimation.base import Estimator
+from flightbed.estimation.loop_gain import filter_bank, scheduled
+from flightbed.estimation.loop_gain.filter_bank import TickResult
 
 _new = tuple.__new__
-_BEGIN = MappingProxyType({"fixed": kernels.FIXED, "measurement": kernels.ANCHORED, "corrected": kernels.CORRECTED})
+_BEGIN = MappingProxyType(
+    {"fixed": filter_bank.FIXED, "measurement": filter_bank.ANCHORED, "corrected": filter_bank.CORRECTED}
+)
 
 
 @dataclass(frozen=True)
@@ -89,8 +92,8 @@ def observe(
     if wiring[4] > 0.0:
         elevator = then[field] if k > 0 else 0.0
     if schedule.size == 0:
-        return kernels.tick(bank, settings, elevator - offset, now[0] - alpha_trim, now[1], k)
-    return tick(
+        return filter_bank.tick(bank, settings, elevator - offset, now[0] - alpha_trim, now[1], k)
+    return scheduled.tick(
         bank, settings, schedule, dt, elevator, now[0], now[1], then[0], then[1], then[4], then[5], then[6], then[7], k
     )
 
@@ -127,7 +130,7 @@ class LoopGain:
         dt = 1.0 / control_hz
         disturbance = np.diag([(config.alpha_disturbance_rad_s * dt) ** 2, (config.q_disturbance_rad_s2 * dt) ** 2])
         # An error of the measured deflection changes the prediction by at most b (K = 1); it is treated as process noise.
-        self._settings = kernels.pack_settings(
+        self._settings = filter_bank.pack_settings(
             Q=disturbance + noise.elevator_rad**2 * np.outer(discrete.b, discrete.b),
             x0=np.array([config.prior_alpha_rad, config.prior_q_rad_s, config.prior_effectiveness]),
             P0=np.diag([config.prior_alpha_var, config.prior_q_var, config.prior_effectiveness_var]),
@@ -142,16 +145,18 @@ class LoopGain:
             hold_var=config.hold_std**2,
             offset=self._alpha_trim,
         )
-        self._bank = kernels.new_bank(config.window if config.memory == "window" else 1)
+        self._bank = filter_bank.new_bank(config.window if config.memory == "window" else 1)
         self._tick = 0
         self._at_start = config.input_at == "start"
         self._input = 3 if config.input_at == "mean" else 2  # field of Measurement
         self._before = 0.0
         # Compile, or load from the cache, before the flight; tick 0 resets the state.
         if self._schedule is None:
-            kernels.tick(self._bank, self._settings, 0.0, 0.0, 0.0, 0)
+            filter_bank.tick(self._bank, self._settings, 0.0, 0.0, 0.0, 0)
         else:
-            tick(self._bank, self._settings, self._schedule, self._dt, 0.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0)
+            scheduled.tick(
+                self._bank, self._settings, self._schedule, self._dt, 0.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0
+            )
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
@@ -161,7 +166,7 @@ class LoopGain:
         if self._at_start:
             elevator, self._before = self._before, elevator
         if self._schedule is None:
-            found = kernels.tick(
+            found = filter_bank.tick(
                 self._bank,
                 self._settings,
                 elevator - self._input_offset,
@@ -172,7 +177,7 @@ class LoopGain:
         else:
             then = self._last or measurement
             self._last = measurement
-            found = tick(
+            found = scheduled.tick(
                 self._bank,
                 self._settings,
                 self._schedule,
@@ -195,3 +200,37 @@ class LoopGain:
         schedule = np.zeros(0) if self._schedule is None else self._schedule.copy()
         wiring = [self._dt, self._alpha_trim, self._input_offset, float(self._input), float(self._at_start)]
         return self._bank.copy(), self._settings.copy(), schedule, np.array(wiring)
+
+
+def build(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
+    """Joint Kalman filter for alpha, q and K (Sillence Theorem 1): window, expanding or fading memory."""
+    return LoopGain(loop_gain_config(settings), onboard)
+
+
+def loop_gain_config(settings: kinds.EstimatorSettings) -> LoopGainConfig:
+    """Return the filter's settings in SI and radians."""
+    prior = settings.prior
+    return LoopGainConfig(
+        memory=settings.memory,
+        window=settings.window,
+        forgetting=settings.forgetting,
+        smoothing=settings.smoothing,
+        bounds=(settings.bounds[0], settings.bounds[1]),
+        alarm_threshold=settings.alarm_threshold,
+        follow_disturbances=settings.follow_disturbances,
+        hold_std=settings.hold_std,
+        absolute=settings.input == "absolute",
+        input_at=settings.input_at,
+        scheduled=settings.model == "scheduled",
+        alpha_disturbance_rad_s=settings.alpha_disturbance_deg_s * DEG,
+        q_disturbance_rad_s2=settings.q_disturbance_deg_s2 * DEG,
+        prior_state="measurement"
+        if prior.state == "measurement"
+        else ("corrected" if prior.first_reading == "used" else "fixed"),
+        prior_alpha_rad=prior.alpha_deg * DEG,
+        prior_q_rad_s=prior.q_deg_s * DEG,
+        prior_alpha_var=(prior.alpha_std_deg * DEG) ** 2,
+        prior_q_var=(prior.q_std_deg_s * DEG) ** 2,
+        prior_effectiveness=prior.effectiveness,
+        prior_effectiveness_var=prior.effectiveness_std**2,
+    )

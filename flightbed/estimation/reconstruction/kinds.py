@@ -6,10 +6,10 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.config import kinds
 from flightbed.core.units import DEG
 from flightbed.estimation.base import Estimator
-from flightbed.estimation.following import FollowingConfig
-from flightbed.estimation.gust_reconstruction import GustConfig, GustReconstruction
-from flightbed.estimation.reconstruction import ElevatorReconstruction, ReconstructionConfig
-from flightbed.estimation.reconstruction_methods import RetrospectiveSettings, WalkSettings
+from flightbed.estimation.reconstruction.elevator import ElevatorReconstruction, ReconstructionConfig
+from flightbed.estimation.reconstruction.gust import GustConfig, GustReconstruction
+from flightbed.estimation.reconstruction.methods import RetrospectiveSettings, WalkSettings
+from flightbed.estimation.reconstruction.regression import FollowingConfig
 
 
 def retrospective_cost(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:

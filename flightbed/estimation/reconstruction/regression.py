@@ -26,7 +26,7 @@ import numpy as np
 
 from flightbed.core.compiled import Array
 from flightbed.core.units import DEG
-from flightbed.estimation.following_kernels import MARKS, RATIO, SMOOTHED, STAGGERED, Following
+from flightbed.estimation.reconstruction.regression_kernels import MARKS, RATIO, SMOOTHED, STAGGERED, Following
 
 
 @dataclass(frozen=True)

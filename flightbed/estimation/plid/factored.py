@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.core.compiled import compiled
-from flightbed.estimation.plid import Array, Form, Stored
+from flightbed.estimation.plid.identify import Array, Form, Stored
 
 
 @compiled

@@ -7,8 +7,8 @@ from math import pi
 from flightbed.avionics.pitch_kernels import local_model
 from flightbed.core.atmosphere import air
 from flightbed.core.compiled import Array, compiled
-from flightbed.estimation.kernels import TickResult
-from flightbed.estimation.kernels import tick as advance
+from flightbed.estimation.loop_gain.filter_bank import TickResult
+from flightbed.estimation.loop_gain.filter_bank import tick as advance
 
 
 @compiled

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.core.compiled import compiled
-from flightbed.estimation.input_model import InputModel
+from flightbed.estimation.reconstruction.input_model import InputModel
 
 Array = npt.NDArray[np.float64]
 

@@ -18,9 +18,11 @@ import numpy as np
 
 from flightbed.avionics import pitch_kernels
 from flightbed.avionics.onboard import OnBoard
+from flightbed.config import kinds
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.estimation.kernels import TickResult
+from flightbed.estimation.base import Estimator
+from flightbed.estimation.loop_gain.filter_bank import TickResult
 
 
 @dataclass(frozen=True)
@@ -163,3 +165,18 @@ class DifferentiatedRls:
     def packed(self) -> tuple[Array, Array, Array]:
         """Return copies of the arrays of ``observe``: state, settings, schedule."""
         return self._state.copy(), self._settings.copy(), self._schedule.copy()
+
+
+def build(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
+    """Recursive least squares with variable forgetting on differentiated pitch rate: the baseline."""
+    return DifferentiatedRls(
+        RlsConfig(
+            scheduled=settings.model == "scheduled",
+            forgetting=settings.forgetting,
+            smoothing=settings.smoothing,
+            bounds=(settings.bounds[0], settings.bounds[1]),
+            prior_effectiveness=settings.prior.effectiveness,
+            prior_effectiveness_var=settings.prior.effectiveness_std**2,
+        ),
+        onboard,
+    )

@@ -13,9 +13,9 @@ import numpy as np
 
 from flightbed.core.compiled import Array
 from flightbed.core.units import DEG
-from flightbed.estimation.input_model import InputModel
-from flightbed.estimation.input_observer import InputKalmanFilter, random_walk
-from flightbed.estimation.retrospective_cost import RetrospectiveConfig, RetrospectiveCost
+from flightbed.estimation.reconstruction.input_kalman import InputKalmanFilter, random_walk
+from flightbed.estimation.reconstruction.input_model import InputModel
+from flightbed.estimation.reconstruction.retrospective_cost import RetrospectiveConfig, RetrospectiveCost
 
 _KNOWN = np.ones(1)
 NOTHING = 1e6  # variance of an unknown state: the state starts at the first reading, which must not count twice

@@ -19,8 +19,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.estimation import retrospective_kernels as kernels
-from flightbed.estimation.input_model import InputModel
+from flightbed.estimation.reconstruction import retrospective_kernels as kernels
+from flightbed.estimation.reconstruction.input_model import InputModel
 
 Array = npt.NDArray[np.float64]
 

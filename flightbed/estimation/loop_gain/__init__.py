@@ -1,0 +1,1 @@
+"""The augmented Kalman filter for alpha, q and K."""

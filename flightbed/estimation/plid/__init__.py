@@ -1,0 +1,1 @@
+"""Pseudo-linear identification of the pitch dynamics, and K from it."""

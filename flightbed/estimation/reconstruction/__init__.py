@@ -1,0 +1,1 @@
+"""Reconstruction of unknown inputs: the acting elevator deflection, or a gust."""

@@ -1,0 +1,1 @@
+"""The two-stage Kalman filter with forgetting, for one surface or three."""
