@@ -29,9 +29,10 @@ from flightbed.load_factor import LoadFactorAxis
 from flightbed.loop import Flight
 from flightbed.plan import Plan, law_of, load_factor_law_of
 from flightbed.plant.base import Plant
+from flightbed.plant.gusts import gusts
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
-from flightbed.sensors import LateralSensors, SensorErrors, Sensors
+from flightbed.plant.sensors import LateralSensors, SensorErrors, Sensors
 from flightbed.settings.scenario import ModelError, Scenario
 
 _ROOM_M = 300.0  # a flight that starts at sea level may descend this far below it: the terrain lies lower still
@@ -208,7 +209,7 @@ def _plant(plan: Plan, health: Health, air_seed: np.random.SeedSequence, process
             airspeed_m_s=aircraft.airspeed_m_s,
             mach=aircraft.mach,
             altitude_m=aircraft.altitude_ft * FT,
-            gusts=factories.gusts(scenario.gusts),
+            gusts=gusts(scenario.gusts),
             process_noise=(noise.alpha_std_deg_s * DEG, noise.q_std_deg_s2 * DEG),
             seed=process_seed,
         )
@@ -230,7 +231,7 @@ def _plant(plan: Plan, health: Health, air_seed: np.random.SeedSequence, process
         turbulence=scenario.atmosphere.turbulence,
         seed=int(air_seed.generate_state(1)[0] >> 1),
         health=health,
-        gusts=factories.gusts(scenario.gusts),
+        gusts=gusts(scenario.gusts),
         lateral=scenario.lateral.enabled,
     )
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.config import families, kinds
 from flightbed.control.base import Gains, Law
@@ -11,9 +9,8 @@ from flightbed.control.design import design_integral, design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.control.redesign import PitchWeights, RedesignedPitch, pitch_lq
-from flightbed.core.units import DEG, FT
+from flightbed.core.units import DEG
 from flightbed.failures.base import HealthHistory, healthy
-from flightbed.gusts import Gusts, calm, one_minus_cosine, sine
 from flightbed.settings.scenario import Scenario
 
 
@@ -67,14 +64,3 @@ def health_history(scenario: Scenario) -> HealthHistory:
     for failure in sorted(scenario.failures, key=lambda f: f.at_s):
         health = families.factory("failures", failure.kind)(failure, health, scenario.rates.control_hz)
     return health
-
-
-def gusts(settings: Sequence[kinds.GustSettings]) -> Gusts:
-    """Return the sum of all gusts, m/s over time."""
-    air: Gusts = calm
-    for gust in settings:
-        if gust.shape == "sine":
-            air = sine(air, at_s=gust.at_s, up_m_s=gust.up_fps * FT, frequency_hz=gust.frequency_hz)
-            continue
-        air = one_minus_cosine(air, at_s=gust.at_s, up_m_s=gust.up_fps * FT, rise_s=gust.rise_s, hold_s=gust.hold_s)
-    return air

@@ -32,7 +32,7 @@ from flightbed.estimation.loop_gain.estimator import LoopGain
 from flightbed.loop import DEPARTURE_RAD, Flight, invalid_estimate
 from flightbed.plant import properties
 from flightbed.plant.nonlinear import JsbsimPlant
-from flightbed.sensors import Sensors, readings
+from flightbed.plant.sensors import Sensors, readings
 from flightbed.trace import LEADING, row_width
 
 # Indices into the store. The rows have the layout of trace.row_packer.

@@ -11,7 +11,7 @@ from flightbed.control.roll_yaw import RollYaw
 from flightbed.core.errors import EstimateError
 from flightbed.core.signals import Estimate, Health, LateralSample
 from flightbed.plant.base import SteeredPlant
-from flightbed.sensors import LateralSensors
+from flightbed.plant.sensors import LateralSensors
 
 
 @dataclass(frozen=True)

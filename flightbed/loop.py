@@ -19,7 +19,7 @@ from flightbed.failures.base import HealthHistory
 from flightbed.lateral import LateralAxes
 from flightbed.load_factor import LoadFactorAxis
 from flightbed.plant.base import Plant
-from flightbed.sensors import Sensors
+from flightbed.plant.sensors import Sensors
 
 _new = tuple.__new__  # makes a named tuple without its constructor, which costs 1 % of a tick
 # Deviation of alpha from trim, or sideslip beta where aileron and rudder are commanded, that counts as a departure.

@@ -20,7 +20,7 @@ from flightbed.core.units import DEG, FT
 from flightbed.failures.base import healthy
 from flightbed.failures.surface import effectiveness_loss
 from flightbed.plant.linear import LinearPlant
-from flightbed.sensors import Sensors
+from flightbed.plant.sensors import Sensors
 
 _TICKS = 600
 FAILS_AT = 150  # tick at which K drops to 0.5

@@ -19,7 +19,7 @@ from flightbed.failures.base import healthy
 from flightbed.failures.surface import effectiveness_loss
 from flightbed.loop import Flight, fly
 from flightbed.plant.linear import LinearPlant
-from flightbed.sensors import Sensors
+from flightbed.plant.sensors import Sensors
 
 NOISE = SensorNoise(0.03 * DEG, 0.1108 * DEG)
 

@@ -20,8 +20,8 @@ from flightbed.fused import rows_of
 from flightbed.loop import Flight, fly
 from flightbed.mission import run
 from flightbed.plan import plan
+from flightbed.plant.sensors import Sensors
 from flightbed.scenario import load_scenario
-from flightbed.sensors import Sensors
 from flightbed.trace import Trace, collect, from_rows
 from tests.lateral_flight import NAMES, SOON, rolling
 

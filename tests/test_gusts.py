@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flightbed.gusts import calm, one_minus_cosine, sine
+from flightbed.plant.gusts import calm, one_minus_cosine, sine
 
 
 @given(at=st.floats(0, 20), up=st.floats(-50, 50), rise=st.floats(0.01, 5), hold=st.floats(0, 5))

@@ -21,8 +21,8 @@ from flightbed.loop import fly
 from flightbed.metrics import SETTLING_S, measure
 from flightbed.mission import run
 from flightbed.plan import plan
+from flightbed.plant.sensors import LateralSensors
 from flightbed.scenario import load_scenario
-from flightbed.sensors import LateralSensors
 from flightbed.trace import collect, from_rows, read_trace, row_packer, row_width, true_share
 from tests.lateral_flight import NAMES, SOON, rolling
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flightbed.core.signals import SensorNoise, Truth
-from flightbed.sensors import Sensors
+from flightbed.plant.sensors import Sensors
 
 TRUTH = Truth(*(0.01 * (i + 1) for i in range(len(Truth._fields))))
 

@@ -12,7 +12,7 @@ import numpy as np
 from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
 from flightbed.core.signals import HEALTHY, Health, Truth
 from flightbed.core.units import G0
-from flightbed.gusts import Gusts, calm
+from flightbed.plant.gusts import Gusts, calm
 
 Row = tuple[float, ...]
 

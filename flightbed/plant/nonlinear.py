@@ -11,7 +11,7 @@ from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.signals import HEALTHY, Health, LateralTruth, Truth
 from flightbed.core.units import FT
 from flightbed.fdm.jsbsim import Fdm
-from flightbed.gusts import Gusts, calm
+from flightbed.plant.gusts import Gusts, calm
 from flightbed.plant.properties import LATERAL, READ, plain_fields
 from flightbed.plant.surfaces import Surface
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import cos, pi, sin
+
+from flightbed.config import kinds
+from flightbed.core.units import FT
 
 Gusts = Callable[[float], float]
 
@@ -57,3 +60,14 @@ def sine(before: Gusts, *, at_s: float, up_m_s: float, frequency_hz: float) -> G
         return before(t_s) + up_m_s * sin(2.0 * pi * frequency_hz * (t_s - at_s))
 
     return gusts
+
+
+def gusts(settings: Sequence[kinds.GustSettings]) -> Gusts:
+    """Return the sum of all gusts, m/s over time."""
+    air: Gusts = calm
+    for gust in settings:
+        if gust.shape == "sine":
+            air = sine(air, at_s=gust.at_s, up_m_s=gust.up_fps * FT, frequency_hz=gust.frequency_hz)
+            continue
+        air = one_minus_cosine(air, at_s=gust.at_s, up_m_s=gust.up_fps * FT, rise_s=gust.rise_s, hold_s=gust.hold_s)
+    return air
