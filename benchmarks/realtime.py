@@ -24,7 +24,7 @@ from measuring import machine
 from flightbed.core.timing import interleaved, spread
 from flightbed.mission import run
 from flightbed.pacing import WallClock
-from flightbed.scenario import Scenario, load_scenario
+from flightbed.scenario.reading import Scenario, load_scenario
 
 
 @contextmanager

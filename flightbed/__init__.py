@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flightbed.mission import fly, run
     from flightbed.pacing import WallClock
     from flightbed.plant.airframe import JsbsimAirframe
-    from flightbed.scenario import Scenario, load_scenario
+    from flightbed.scenario.reading import Scenario, load_scenario
     from flightbed.trace import Trace, read_trace
 
 __all__ = [
@@ -46,13 +46,13 @@ _LATER = {
     "Metrics": "flightbed.metrics",
     "Result": "flightbed.flight_result",
     "Sample": "flightbed.core.signals",
-    "Scenario": "flightbed.scenario",
+    "Scenario": "flightbed.scenario.reading",
     "Trace": "flightbed.trace",
     "Truth": "flightbed.core.signals",
     "WallClock": "flightbed.pacing",
     "fly": "flightbed.mission",
     "load_aircraft": "flightbed.aircraft.overlay",
-    "load_scenario": "flightbed.scenario",
+    "load_scenario": "flightbed.scenario.reading",
     "read_trace": "flightbed.trace",
     "run": "flightbed.mission",
     "using": "flightbed.config.own_code",

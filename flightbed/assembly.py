@@ -33,7 +33,7 @@ from flightbed.plant.gusts import gusts
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
 from flightbed.plant.sensors import LateralSensors, SensorErrors, Sensors
-from flightbed.settings.scenario import ModelError, Scenario
+from flightbed.scenario.tables import ModelError, Scenario
 
 _ROOM_M = 300.0  # a flight that starts at sea level may descend this far below it: the terrain lies lower still
 

@@ -18,7 +18,7 @@ from flightbed.flight_result import fly_scenario
 from flightbed.journal import Journal, journal
 from flightbed.parallel.executor import CHUNK, Opener, Work, opener, results
 from flightbed.programme import Programme, scenario_of
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.tables import Scenario
 
 Progress = Callable[[int, int], None]
 

@@ -8,18 +8,19 @@ from typing import Any
 
 from flightbed.aircraft.overlay import load_path
 from flightbed.campaign_table import metric_columns
-from flightbed.config.own_code import named_by
 from flightbed.config.reading import frozen, problems, read_toml, shown
 from flightbed.config.table import ValidationError
-from flightbed.consistency import estimates, idle_keys
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, did_you_mean
 from flightbed.linear_aircraft import load_flyable
 from flightbed.plan import plan
 from flightbed.programme import Programme, Values, grid, with_values
-from flightbed.scenario import build, changed, validated
+from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.estimates import estimates
+from flightbed.scenario.own_code import named_by
+from flightbed.scenario.reading import build, changed, validated
+from flightbed.scenario.tables import Scenario
 from flightbed.settings.campaign import CampaignSettings
-from flightbed.settings.scenario import Scenario
 
 RUNS = 100  # default, of a plain scenario
 _LAST_SEED = 2**63 - 1

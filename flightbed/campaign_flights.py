@@ -9,15 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from flightbed.campaign_table import Row, failed_row, row
-from flightbed.config.own_code import Extension, Packed, carried, named_by
+from flightbed.config.own_code import Extension, Packed, carried
 from flightbed.config.tracebacks import line_of
-from flightbed.consistency import estimates
 from flightbed.core.errors import FlightbedError
 from flightbed.flight_result import fly_plan
 from flightbed.parallel.executor import CHUNK, DEATHS
 from flightbed.plan import Plan, plan
 from flightbed.programme import Flight, Programme, flight_hash, scenario_of
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.estimates import estimates
+from flightbed.scenario.own_code import named_by
+from flightbed.scenario.tables import Scenario
 from flightbed.statistics.histories import SAMPLE, Part, add_all
 from flightbed.trace import true_share
 

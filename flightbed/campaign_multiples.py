@@ -14,7 +14,7 @@ from flightbed.document.document import Picture
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.figures import MARGIN, mark_changes
 from flightbed.programme import MOST_REMEMBERED, SHOWN, few, values_of
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.statistics.histories import PERCENTILES, Ensemble
 from flightbed.trace import true_share
 

@@ -8,10 +8,10 @@ from functools import cached_property
 
 from flightbed.campaign_summary import CampaignSummary, summarize_campaign
 from flightbed.campaign_table import Quantity, Row, followed, quantity
-from flightbed.consistency import detectors, estimates
 from flightbed.flight_result import Result
 from flightbed.programme import Programme
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.estimates import detectors, estimates
+from flightbed.scenario.tables import Scenario
 from flightbed.statistics.histories import Ensemble
 
 

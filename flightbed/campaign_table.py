@@ -12,13 +12,13 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from flightbed.card import FOLLOWED
-from flightbed.consistency import detectors, estimates
 from flightbed.core.units import unit_of
 from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.programme import Flight
 from flightbed.pull_up import PULL_UP_METRICS
+from flightbed.scenario.estimates import detectors, estimates
+from flightbed.scenario.tables import Scenario
 from flightbed.settings.campaign import Criterion
-from flightbed.settings.scenario import Scenario
 from flightbed.statistics.bootstrap import mean_interval, percentile_interval
 from flightbed.statistics.intervals import Interval, median_interval, quantile_interval, share
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from flightbed.config import families
 from flightbed.config.kinds import Command, RollCommand, SideslipCommand
-from flightbed.consistency import idle_keys
 from flightbed.core.units import unit_of
 from flightbed.event_log import failures, gusts, milliseconds
 from flightbed.metrics import PHASES
 from flightbed.pacing import Punctuality
 from flightbed.run_summary import RunSummary
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.tables import Scenario
 
 
 def run_card(scenario: Scenario, summary: RunSummary) -> str:

@@ -99,11 +99,12 @@ def run(
         json: Print the content of metrics.json, and the folder, as JSON and nothing else on stdout.
 
     """
-    from flightbed.config.own_code import check_named, using
+    from flightbed.config.own_code import using
     from flightbed.live import Live, address
     from flightbed.mission import run as fly
     from flightbed.pacing import WallClock
-    from flightbed.scenario import load_scenario
+    from flightbed.scenario.own_code import check_named
+    from flightbed.scenario.reading import load_scenario
 
     if viewer is not None and rerun != "live":
         raise InputError(f"--viewer {viewer}: has no effect without --rerun live")
@@ -319,7 +320,8 @@ def campaign(
     """
     from flightbed import campaign as campaigns
     from flightbed.campaign_file import load_programme
-    from flightbed.config.own_code import check_named, using
+    from flightbed.config.own_code import using
+    from flightbed.scenario.own_code import check_named
     from flightbed.screen import campaign_lines, progress_bar
 
     with using(*(use or ())):

@@ -14,7 +14,7 @@ from flightbed.loop import DEPARTURE_RAD
 from flightbed.metrics import at_stop, since_s
 from flightbed.pacing import Spell, late_spells
 from flightbed.run_summary import RunSummary
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.trace import Trace, true_share
 
 _MANY = 10  # spells of late ticks that the event log lists one by one

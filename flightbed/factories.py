@@ -11,7 +11,7 @@ from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.control.redesign import PitchWeights, RedesignedPitch, pitch_lq
 from flightbed.core.units import DEG
 from flightbed.failures.base import HealthHistory, healthy
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.tables import Scenario
 
 
 def _poles(settings: kinds.Control) -> list[complex] | None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from flightbed.document.document import Picture
     from flightbed.flight_result import Result
-    from flightbed.settings.scenario import Scenario
+    from flightbed.scenario.tables import Scenario
 
 Vector = npt.NDArray[np.float64]
 

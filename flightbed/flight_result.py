@@ -16,7 +16,6 @@ import numpy as np
 
 from flightbed.assembly import assemble, names_of, sensor_noise
 from flightbed.bound import bound, design_models, schedule_models
-from flightbed.config.own_code import named_by
 from flightbed.config.tracebacks import watched
 from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import Sample
@@ -41,7 +40,8 @@ from flightbed.run_summary import (
     ShortPeriodSummary,
     TrimSummary,
 )
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.own_code import named_by
+from flightbed.scenario.tables import Scenario
 from flightbed.trace import Trace, collect, from_rows
 
 Watch = Callable[[Iterator[Sample]], Iterator[Sample]]  # yields the samples unchanged

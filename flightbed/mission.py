@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 
 from flightbed.assembly import assemble
-from flightbed.config.own_code import named_by
 from flightbed.config.tracebacks import guarded
 from flightbed.core.files import check_target
 from flightbed.core.signals import Sample
@@ -18,7 +17,8 @@ from flightbed.live import Live
 from flightbed.loop import fly as fly_loop
 from flightbed.pacing import Clock
 from flightbed.plan import Plan, plan
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.own_code import named_by
+from flightbed.scenario.tables import Scenario
 from flightbed.telemetry.shown import FlightInfo
 
 

@@ -26,8 +26,8 @@ from flightbed.models.reduce import lateral_directional, short_period
 from flightbed.models.tabulate import load_schedule
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.scenario import Scenario
-from flightbed.settings.scenario import Condition
+from flightbed.scenario.reading import Scenario
+from flightbed.scenario.tables import Condition
 from flightbed.trim import TrimPoint, trim
 
 _STANDARD = Condition(mach=0.8, altitude_ft=20000.0)  # condition at which the schedule is tabulated

@@ -18,11 +18,11 @@ import numpy as np
 
 from flightbed.config.overrides import replaced, setting
 from flightbed.config.own_code import Extension
-from flightbed.consistency import idle_keys
 from flightbed.core.versions import versions
-from flightbed.scenario import validated
+from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.reading import validated
+from flightbed.scenario.tables import Scenario
 from flightbed.settings.campaign import AxisSettings, CampaignSettings
-from flightbed.settings.scenario import Scenario
 
 Values = Mapping[str, Any]  # key of the scenario -> value
 

@@ -35,7 +35,7 @@ from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.estimation.base import Estimator
 from flightbed.plan import Plan, plan
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.trial import FAILS_AT, out_of_range_readings, readings_of_flights
 
 Factory = Callable[[EstimatorSettings, OnBoard], Estimator]

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from flightbed.mission import Result, run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 
 ShippedFlight = Callable[[str], Result]
 

@@ -29,7 +29,7 @@ from flightbed.ensemble import processes
 from flightbed.journal import Journal, journal
 from flightbed.metrics import EstimatorMetrics
 from flightbed.mission import run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.screen import campaign_lines
 from flightbed.settings.campaign import Criterion
 from flightbed.statistics.intervals import median_interval, share

@@ -11,7 +11,7 @@ from flightbed.event_log import events, failures
 from flightbed.metrics import PHASES
 from flightbed.mission import run
 from flightbed.run_summary import ExtensionSummary
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import rolling
 
 

@@ -16,7 +16,7 @@ from flightbed.core.errors import OutputError
 from flightbed.document.html import render
 from flightbed.folder import recording_of
 from flightbed.mission import run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry import viewer
 from tests.command_line import assert_one_clear_line, flightbed
 from tests.lateral_flight import rolling

@@ -8,12 +8,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from flightbed.config.own_code import named_by, using
-from flightbed.consistency import idle_keys
+from flightbed.config.own_code import using
 from flightbed.core.errors import ScenarioError
 from flightbed.core.units import DEG
 from flightbed.mission import run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.own_code import named_by
+from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import rolling
 
 PLACE = "scenarios/thesis-loss.toml"

@@ -16,7 +16,7 @@ from flightbed.config.table import known_keys
 from flightbed.core import data
 from flightbed.mission import run
 from flightbed.pacing import WallClock
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.settings.campaign import CampaignSettings
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -17,7 +17,7 @@ from flightbed.core.versions import versions
 from flightbed.ensemble import Flown, Job, fly_chunk, fly_jobs, histories, processes
 from flightbed.metrics import Metrics
 from flightbed.mission import run
-from flightbed.scenario import Scenario, load_scenario
+from flightbed.scenario.reading import Scenario, load_scenario
 from tests.test_journal import backwards
 
 NOTHING = Metrics(False, None, None, None, None, {})

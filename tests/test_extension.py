@@ -27,7 +27,7 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
 from flightbed.config.kinds import EstimatorSettings
 from flightbed.config.options import Options
-from flightbed.config.own_code import at_hand, check_named, load, named_by, permits, using
+from flightbed.config.own_code import at_hand, load, permits, using
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.ensemble import Job, fly_jobs, processes
@@ -35,7 +35,8 @@ from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
 from flightbed.failures.base import HealthHistory
 from flightbed.mission import run
 from flightbed.report import rerun_command
-from flightbed.scenario import load_scenario
+from flightbed.scenario.own_code import check_named, named_by
+from flightbed.scenario.reading import load_scenario
 from tests.command_line import flightbed as command_line
 
 FILTER = '''\

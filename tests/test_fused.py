@@ -9,7 +9,6 @@ from math import nan
 import numpy as np
 import pytest
 
-from flightbed import reconstruction_keys
 from flightbed.assembly import assemble
 from flightbed.control.proportional import Proportional
 from flightbed.core import data
@@ -21,7 +20,8 @@ from flightbed.loop import Flight, fly
 from flightbed.mission import run
 from flightbed.plan import plan
 from flightbed.plant.sensors import Sensors
-from flightbed.scenario import load_scenario
+from flightbed.scenario import reconstruction_checks
+from flightbed.scenario.reading import load_scenario
 from flightbed.trace import Trace, collect, from_rows
 from tests.lateral_flight import NAMES, SOON, rolling
 
@@ -58,7 +58,7 @@ def _is_compilable(name: str) -> bool:
 @pytest.mark.parametrize("name", [n for n in data.names("scenario") if _is_compilable(n)])
 def test_shipped_scenarios_are_the_same_both_ways(name: str) -> None:
     scenario = load_scenario(name)
-    left = any(e.kind in reconstruction_keys.KINDS for e in scenario.estimators)
+    left = any(e.kind in reconstruction_checks.KINDS for e in scenario.estimators)
     if left or scenario.lateral.enabled or scenario.control.law == "lq":
         assert rows_of(assemble(plan(scenario))) is None
     else:

@@ -11,7 +11,7 @@ import pytest
 
 from flightbed.core import data
 from flightbed.mission import Result, run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from tests.bits import compare
 from tests.flights import ShippedFlight, once
 from tests.golden_flights import (

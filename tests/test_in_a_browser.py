@@ -17,7 +17,7 @@ from flightbed.comparison_report import comparison_report
 from flightbed.document import palette
 from flightbed.document.html import render
 from flightbed.mission import run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 
 _BROWSER = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None

@@ -30,7 +30,7 @@ from flightbed.journal import Journal, journal
 from flightbed.mission import run as fly_one
 from flightbed.parallel.executor import Opener
 from flightbed.programme import Programme
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from tests.command_line import COMMAND, flightbed, heed_interrupts
 
 SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]

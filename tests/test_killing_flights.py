@@ -19,7 +19,7 @@ from flightbed.campaign_table import Row
 from flightbed.mission import fly
 from flightbed.parallel.executor import opener
 from flightbed.programme import Programme
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from tests import dask_cluster
 
 RUNS, VICTIM = 24, 13

@@ -10,7 +10,6 @@ import pytest
 
 from flightbed.aircraft.overlay import load_aircraft
 from flightbed.assembly import assemble
-from flightbed.consistency import detectors, estimates
 from flightbed.core.errors import EstimateError, ScenarioError
 from flightbed.core.signals import Health, LateralNoise, LateralSample, LateralTruth, Sample
 from flightbed.core.units import DEG
@@ -22,7 +21,8 @@ from flightbed.metrics import SETTLING_S, measure
 from flightbed.mission import run
 from flightbed.plan import plan
 from flightbed.plant.sensors import LateralSensors
-from flightbed.scenario import load_scenario
+from flightbed.scenario.estimates import detectors, estimates
+from flightbed.scenario.reading import load_scenario
 from flightbed.trace import collect, from_rows, read_trace, row_packer, row_width, true_share
 from tests.lateral_flight import NAMES, SOON, rolling
 

@@ -18,7 +18,7 @@ from flightbed.loop import fly
 from flightbed.models.reduce import lateral_directional
 from flightbed.plan import plan
 from flightbed.plant.airframe import JsbsimAirframe
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.trim import trim
 
 CONDITIONS = [(0.8, 20000.0), (0.6, 20000.0), (0.5, 5000.0), (0.7, 30000.0)]

@@ -26,7 +26,7 @@ from flightbed.loop import fly
 from flightbed.mission import run
 from flightbed.plan import plan
 from flightbed.pull_up import PullUp, command_g, increment_g, pull_up
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry.comparing import write_comparison
 from flightbed.trace import Trace
 from tests.telemetry.reading import series

@@ -16,7 +16,7 @@ from flightbed.core.units import DEG
 from flightbed.flight_result import fly_plan
 from flightbed.margins import lateral_margin, pitch_margins
 from flightbed.plan import plan
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 
 
 def _radius(design: ShortPeriod, gains: Gains, K: float, believed: float, *, corrected: bool, effective: bool) -> float:

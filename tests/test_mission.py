@@ -19,7 +19,7 @@ from flightbed.core.units import DEG
 from flightbed.flight_result import Result
 from flightbed.mission import run
 from flightbed.plan import plan
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.trace import read_trace
 
 CONTRACT_COLUMNS = [

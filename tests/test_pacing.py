@@ -17,13 +17,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flightbed import reconstruction_keys
 from flightbed.card import kept_pace, run_card
 from flightbed.config import families
 from flightbed.event_log import events
 from flightbed.mission import run
 from flightbed.pacing import Spell, Timing, WallClock, late_spells, paced, punctuality, with_timings
-from flightbed.scenario import load_scenario
+from flightbed.scenario import reconstruction_checks
+from flightbed.scenario.reading import load_scenario
 from flightbed.trace import Trace, read_trace
 from tests.command_line import flightbed
 
@@ -268,7 +268,7 @@ def test_the_command_line_prints_the_real_time_performance(tmp_path: Path) -> No
     assert "real time" not in flightbed(*(a for a in short if a != "--realtime"), cwd=tmp_path).stdout
 
 
-GUSTS = [(kind, ',unknown="gust"') for kind in reconstruction_keys.KINDS]
+GUSTS = [(kind, ',unknown="gust"') for kind in reconstruction_checks.KINDS]
 
 
 @pytest.mark.parametrize(("kind", "more"), [*((kind, "") for kind in families.names("estimators")), *GUSTS])

@@ -15,7 +15,7 @@ from flightbed.core.units import DEG, FT
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.plan import plan
 from flightbed.plant.base import Controls, Motion
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.trim import TrimPoint
 from tests.command_line import flightbed
 

@@ -20,7 +20,7 @@ from flightbed.flight_result import Result
 from flightbed.metrics import EstimatorMetrics
 from flightbed.mission import run
 from flightbed.report import ESTIMATOR_METRICS, run_report
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import chi_square_bound
 from flightbed.trace import Trace
 from tests.lateral_flight import rolling

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flightbed.config import families
-from flightbed.consistency import idle_keys
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, UnknownNameError
-from flightbed.scenario import Scenario, load_scenario
+from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.reading import Scenario, load_scenario
 
 FILE = "scenarios/elevator-loss.toml"
 

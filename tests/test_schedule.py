@@ -17,7 +17,7 @@ from flightbed.mission import run
 from flightbed.models.tabulate import build_schedule, load_schedule
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.trim import trim
 
 THROTTLE = 0.34

@@ -17,7 +17,7 @@ from flightbed.metrics import Metrics
 from flightbed.mission import run
 from flightbed.pacing import WallClock
 from flightbed.run_summary import ExtensionSummary, RunSummary
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import SOON, rolling
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -25,7 +25,7 @@ from flightbed.estimation.base import Estimator
 from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig
 from flightbed.mission import fly
 from flightbed.plan import Plan, plan
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 
 from .loop import ESTIMATORS, SCENARIO
 

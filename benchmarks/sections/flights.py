@@ -15,7 +15,7 @@ from measuring import Column, Effort, Table, machine
 
 from flightbed.core.timing import interleaved, ratios, seconds
 from flightbed.ensemble import Job, fly_chunk, fly_jobs, processes
-from flightbed.scenario import Scenario, load_scenario
+from flightbed.scenario.reading import Scenario, load_scenario
 
 CASES = {"linear aircraft": "thesis-loss", "F-16": "elevator-loss"}
 

@@ -22,7 +22,7 @@ from flightbed.flight_result import collected
 from flightbed.loop import Flight
 from flightbed.plan import Plan, plan
 from flightbed.plant.nonlinear import JsbsimPlant
-from flightbed.scenario import Scenario, load_scenario
+from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.trace import Trace
 
 SCENARIO = "elevator-loss"

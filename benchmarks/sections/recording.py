@@ -24,7 +24,7 @@ from flightbed.fused import rows_of
 from flightbed.metrics import measure as metrics_of
 from flightbed.mission import run
 from flightbed.report import run_report
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry.recording import write_recording
 
 from .loop import SCENARIO, into_trace

@@ -27,7 +27,7 @@ def held(flights: int, overrides: list[str]) -> dict[str, float]:
     from flightbed.assembly import assemble
     from flightbed.flight_result import fly_plan
     from flightbed.plan import plan
-    from flightbed.scenario import load_scenario
+    from flightbed.scenario.reading import load_scenario
 
     planned = plan(load_scenario("elevator-loss", overrides))
     memory["planned"] = resident_b()
@@ -52,7 +52,7 @@ def grown(flights: int, overrides: list[str]) -> dict[str, list[int]]:
 
     from flightbed.flight_result import fly_plan
     from flightbed.plan import plan
-    from flightbed.scenario import load_scenario
+    from flightbed.scenario.reading import load_scenario
 
     planned = plan(load_scenario("elevator-loss", overrides))
 

@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING, Any
 
 from flightbed.config import families
 from flightbed.config.tracebacks import constructor_message, line_of, location
-from flightbed.core.errors import ExtensionError, FlightbedError, InputError, did_you_mean
+from flightbed.core.errors import ExtensionError, FlightbedError, did_you_mean
 
 if TYPE_CHECKING:
-    from flightbed.settings.scenario import Scenario
+    pass
 
 _METHODS = {
     "estimators": "update",
@@ -155,26 +155,6 @@ def permits(names: Iterable[str]) -> str:
 def at_hand(names: Iterable[str]) -> list[str]:
     """Return the names of own code that no command line can permit: classes and functions given in Python."""
     return [name for name in names if ":" not in name]
-
-
-def named_by(scenario: Scenario) -> tuple[Extension, ...]:
-    """Return the permitted external code named by a scenario, without duplicates."""
-    lateral = (scenario.lateral.roll.kind, scenario.lateral.sideslip.kind) if scenario.lateral.enabled else ()
-    kinds = (scenario.command.kind, *lateral, *(f.kind for f in scenario.failures), scenario.control.law)
-    own = families.in_use()
-    found = (own.get(kind) for kind in dict.fromkeys((*kinds, *(e.kind for e in scenario.estimators))))
-    return tuple(extension for extension in found if isinstance(extension, Extension))
-
-
-def check_named(scenario: Scenario, names: Sequence[str]) -> None:
-    """Check that the scenario names every ``--use``. Raises InputError."""
-    named = [extension.name for extension in named_by(scenario)]
-    for name in names:
-        if name not in named:
-            near = did_you_mean(name, named)
-            raise InputError(
-                f"--use {name}: the scenario does not name it{near}; name it, as in --set estimators.0.kind={name}, or leave it out"
-            )
 
 
 def load(name: str) -> Extension:

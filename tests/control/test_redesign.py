@@ -14,7 +14,7 @@ from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
 from flightbed.mission import run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 
 WEIGHTS = PitchWeights(3.0 * DEG, 3.0 * DEG, 3.0 * DEG)
 Q, R = np.diag([(3.0 * DEG) ** -2, (3.0 * DEG) ** -2, 0.0]), np.array([[(3.0 * DEG) ** -2]])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flightbed.mission import run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 
 NAMES = ("retrospective", "random-walk")
 

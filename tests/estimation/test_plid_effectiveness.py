@@ -24,7 +24,7 @@ from flightbed.estimation.plid.factored import FACTORED
 from flightbed.estimation.plid.identify import CONVENTIONAL, Form
 from flightbed.flight_result import fly_plan
 from flightbed.plan import plan
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.trial import readings_of_flights
 
 SILENT, NOISY = SensorNoise(0.03 * DEG, 1e-7 * DEG), SensorNoise(0.03 * DEG, 0.1108 * DEG)

@@ -11,7 +11,6 @@ import pytest
 from flightbed.assembly import assemble, sensor_noise
 from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
-from flightbed.consistency import idle_keys
 from flightbed.core.actuator import Actuator, ActuatorOnBoard
 from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Measurement
@@ -23,8 +22,9 @@ from flightbed.fused import rows_of
 from flightbed.loop import fly
 from flightbed.mission import run
 from flightbed.plan import plan
-from flightbed.scenario import load_scenario
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.reading import load_scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.trace import Trace, collect, read_trace
 from tests.lateral_flight import rolling
 

@@ -28,7 +28,7 @@ from flightbed.loop import Flight, fly
 from flightbed.plan import Plan, plan
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.trace import Trace
 
 SURFACES = {"elevator": "two-stage", "aileron": "two-stage.aileron", "rudder": "two-stage.rudder"}

@@ -18,7 +18,7 @@ from flightbed.core.errors import InputError
 from flightbed.document.document import Section
 from flightbed.ensemble import Job, fly_jobs
 from flightbed.parallel.executor import DEATHS, Opener, opener
-from flightbed.scenario import Scenario, load_scenario
+from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.studies.base import Study, Trials, keyed, reproduce, run_trials
 from tests import dask_cluster
 

@@ -21,9 +21,9 @@ from scipy.stats import binomtest
 
 from flightbed import cli
 from flightbed.config import families
-from flightbed.consistency import detectors
 from flightbed.document.document import Document, show
 from flightbed.ensemble import Job, fly_jobs
+from flightbed.scenario.estimates import detectors
 from flightbed.studies.base import Trials, reproduce, run_trials
 from flightbed.studies.estimators import choice, measures, tables
 from flightbed.studies.estimators.comparison import Comparison, Key

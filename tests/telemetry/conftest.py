@@ -8,7 +8,7 @@ import pytest
 
 from flightbed.flight_result import Result
 from flightbed.mission import run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 
 
 @pytest.fixture(scope="session")

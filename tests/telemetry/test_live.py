@@ -21,7 +21,7 @@ from flightbed.flight_result import Result
 from flightbed.live import Live, address
 from flightbed.mission import run
 from flightbed.pacing import WallClock
-from flightbed.scenario import Scenario, load_scenario
+from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.telemetry import viewer
 from flightbed.telemetry.shown import FlightInfo
 from flightbed.trace import from_rows

@@ -19,7 +19,7 @@ from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.live import Live
 from flightbed.mission import run
-from flightbed.scenario import Scenario, load_scenario
+from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.telemetry import mesh
 from flightbed.telemetry.channels import with_room
 from flightbed.telemetry.chase import quaternions

@@ -16,7 +16,7 @@ from flightbed.document import palette
 from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.mission import run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry import viewer
 from flightbed.telemetry.layout import TABS
 from flightbed.telemetry.recording import write_recording

@@ -16,7 +16,7 @@ from flightbed.config import families
 from flightbed.config.kinds import Command
 from flightbed.core.units import DEG
 from flightbed.mission import run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 
 HZ = 100
 KINDS = ("constant", "doublet", "3-2-1-1", "chirp", "multisine", "random")

@@ -18,7 +18,7 @@ import numpy as np
 
 from flightbed import Result, load_scenario, run
 from flightbed.metrics import SETTLING_S
-from flightbed.scenario import Scenario
+from flightbed.scenario.reading import Scenario
 
 RIVALS: dict[str, dict[str, Any]] = {
     "scheduled": {},

@@ -29,8 +29,8 @@ from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.loop import fly as samples_of
 from flightbed.plan import plan
 from flightbed.pull_up import COLUMNS, PullUp, command_g, first_pulse, increment_g, pull_up
-from flightbed.scenario import load_scenario
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.reading import load_scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import median_interval, share
 
 # Of the thesis: first guess and variances of the listing of D, gains at once.

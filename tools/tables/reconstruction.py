@@ -32,8 +32,8 @@ from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.estimation.base import Commanded, SurfacesEstimator
 from flightbed.loop import fly
 from flightbed.plan import plan
-from flightbed.scenario import load_scenario
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.reading import load_scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import median_interval, share
 
 NAMES = ("retrospective", "random-walk")

@@ -27,8 +27,8 @@ import numpy as np
 from flightbed.document.document import show
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.estimation.two_stage.change_test import chi_square_threshold
-from flightbed.scenario import load_scenario
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.reading import load_scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import median_interval, share
 from flightbed.studies.estimators.cost import costs_us
 

@@ -14,7 +14,7 @@ from cells import likely
 from flightbed.flight_result import Result
 from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.mission import run
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 
 FLIGHTS: dict[str, tuple[str, list[str]]] = {
     "nothing fails": ("nominal", []),

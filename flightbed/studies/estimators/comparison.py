@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from flightbed.config.own_code import named_by
 from flightbed.ensemble import Job
+from flightbed.scenario.own_code import named_by
 from flightbed.studies.base import Trials
 from flightbed.studies.estimators.cost import round_us
 from flightbed.studies.estimators.entrants import ENTRANTS, FIXED, Entrant

@@ -13,7 +13,7 @@ from flightbed.core.timing import interleaved, seconds
 from flightbed.estimation.base import Commanded
 from flightbed.loop import fly, updater
 from flightbed.plan import Plan, plan
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.tables import Scenario
 
 
 def costs_us(scenario: Scenario, rounds: int) -> dict[str, list[float]]:

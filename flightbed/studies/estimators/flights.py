@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from flightbed.assembly import assemble
 from flightbed.core.errors import FlightbedError
 from flightbed.plan import plan
-from flightbed.scenario import load_scenario
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.reading import load_scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.studies.estimators.entrants import FIXED, TRUE_K, Entrant, inline
 
 

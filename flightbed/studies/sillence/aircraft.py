@@ -13,7 +13,7 @@ from flightbed.core import data
 from flightbed.document import drawing
 from flightbed.document.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job, histories
-from flightbed.scenario import Scenario, load_scenario
+from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.statistics.intervals import outcome, spread
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import plots, printed

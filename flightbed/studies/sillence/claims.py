@@ -10,7 +10,7 @@ import numpy as np
 
 from flightbed.document.document import Claim, Section, Table
 from flightbed.ensemble import Flown, Job
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import median_interval, spread
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.judging import above, below

@@ -8,7 +8,7 @@ from typing import Any
 
 from flightbed.document.document import Cell, Section, Table
 from flightbed.ensemble import Flown, Job
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import Spread, share, spread
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import printed

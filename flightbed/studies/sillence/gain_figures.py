@@ -9,7 +9,7 @@ import numpy as np
 
 from flightbed.document import drawing
 from flightbed.ensemble import Flown
-from flightbed.scenario import Scenario
+from flightbed.scenario.reading import Scenario
 from flightbed.studies.sillence import plots, printed, setup
 from flightbed.studies.sillence.measures import SETTLED_S, peak, tracking
 from flightbed.studies.sillence.plots import BASIC, NOISES, TIME, Figure, columns_of, noise_words

@@ -14,7 +14,7 @@ from flightbed.config import families
 from flightbed.document import drawing
 from flightbed.document.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence.aircraft import SCHEDULED, f16

@@ -14,7 +14,7 @@ from flightbed.document.document import Cell, Picture, Section, Table
 from flightbed.ensemble import Flown, Job
 from flightbed.flight_result import fly_scenario
 from flightbed.pacing import Punctuality, WallClock
-from flightbed.scenario import load_scenario
+from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import share, spread
 from flightbed.studies.base import Flights, Part, keyed_part
 from flightbed.studies.sillence import plots

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from flightbed.document import drawing
 from flightbed.ensemble import Flown
-from flightbed.scenario import Scenario
+from flightbed.scenario.reading import Scenario
 from flightbed.studies.sillence import printed
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import numpy as np
 from flightbed.core import data
 from flightbed.document.document import Section, Table
 from flightbed.ensemble import Flown, Job
-from flightbed.scenario import Scenario, load_scenario
+from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.statistics.intervals import Interval, Vector
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import printed

@@ -15,7 +15,7 @@ from flightbed.document.document import Section, Table, show
 from flightbed.ensemble import Flown, Job
 from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.metrics import snr_db
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import rank, spread
 from flightbed.studies.base import Flights, Part, keyed_part
 from flightbed.studies.sillence import printed

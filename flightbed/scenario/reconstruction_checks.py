@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from flightbed.config.kinds import EstimatorSettings, GustSettings
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.tables import Scenario
 
 KINDS = ("retrospective-cost", "input-kalman")
 _RETROSPECTIVE = ("order", "horizon", "regularization", "initial_covariance", "input_forgetting", "saturation_deg")

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from flightbed import reconstruction_keys
 from flightbed.config import families
 from flightbed.config.kinds import LOAD_FACTOR_LAWS, Command, EstimatorSettings, RollCommand, SideslipCommand
 from flightbed.core.errors import did_you_mean
-from flightbed.core.estimate_names import estimate_name
 from flightbed.core.harmonics import MOST_HARMONICS, harmonics
-from flightbed.core.signals import SURFACES
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario import reconstruction_checks
+from flightbed.scenario.estimates import detectors
+from flightbed.scenario.tables import Scenario
 
 _PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
 _BAND = _PULSES | {"low_hz", "high_hz"}
@@ -63,18 +62,18 @@ _PRIOR = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
 # Keys that a kind of estimator never uses, whatever its other settings; kinds of installed packages may use any key.
 _ESTIMATOR_IDLE: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "loop-gain": (*_TWO_STAGE_ONLY, *_PLID_ONLY, *reconstruction_keys.KEYS),
+        "loop-gain": (*_TWO_STAGE_ONLY, *_PLID_ONLY, *reconstruction_checks.KEYS),
         "differentiated-rls": (
             *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PLID_ONLY, *_PRIOR, "memory", "window", "alpha_disturbance_deg_s",
-            "q_disturbance_deg_s2", *reconstruction_keys.KEYS,
+            "q_disturbance_deg_s2", *reconstruction_checks.KEYS,
         ),
         "two-stage": (
             "input", "input_at", "alarm_threshold", "hold_std", *_PRIOR, "prior.effectiveness", *_PLID_ONLY,
-            *reconstruction_keys.KEYS,
+            *reconstruction_checks.KEYS,
         ),
         "plid": (
             *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PRIOR, "memory", "window", "forgetting", "alpha_disturbance_deg_s",
-            *reconstruction_keys.KEYS,
+            *reconstruction_checks.KEYS,
         ),
     }
 )  # fmt: skip
@@ -106,7 +105,7 @@ def contradictions(scenario: Scenario) -> list[str]:
             if key not in failure.model_fields_set
         ]
     problems += _surface_contradictions(scenario)
-    problems += reconstruction_keys.contradictions(scenario)
+    problems += reconstruction_checks.contradictions(scenario)
     problems += _command_contradictions(scenario.command, hz)
     if scenario.lateral.enabled:
         problems += _command_contradictions(scenario.lateral.roll, hz, "lateral.roll")
@@ -304,7 +303,7 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
         useless += ["surface"] if failure.kind == "cg-shift" else []
         keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
     for i, gust in enumerate(scenario.gusts):
-        keys |= reconstruction_keys.idle_in_gust(f"gusts.{i}", gust)
+        keys |= reconstruction_checks.idle_in_gust(f"gusts.{i}", gust)
     for i, estimator in enumerate(scenario.estimators):
         place = f"estimators.{i}"
         idle_here = _idle_in_estimator(place, estimator, lateral=lateral.enabled)
@@ -324,7 +323,7 @@ def _idle_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: boo
             keys[key] = f"{place}.memory = '{estimator.memory}'"
     if kind == "two-stage" and not lateral:
         keys |= dict.fromkeys(_LATERAL_DISTURBANCES, "lateral.enabled = false")
-    keys |= reconstruction_keys.idle_in_estimator(place, estimator, *_PRIOR, *_PLID_ONLY, *_LATERAL_DISTURBANCES)
+    keys |= reconstruction_checks.idle_in_estimator(place, estimator, *_PRIOR, *_PLID_ONLY, *_LATERAL_DISTURBANCES)
     if kind == "loop-gain" and estimator.prior.state == "measurement":
         keys |= {f"prior.{key}": f"{place}.prior.state = 'measurement'" for key in _FIXED_PRIOR}
     return keys
@@ -362,23 +361,3 @@ def _idle_in_command(place: str, command: Command | RollCommand | SideslipComman
     elif "amplitude_deg_s" in unused:
         unused = unused | {"amplitude_g"}
     return {f"{place}.{key}": f"{place}.kind = '{command.kind}'" for key in unused}
-
-
-def estimates(scenario: Scenario) -> tuple[str, ...]:
-    """Return the names of a flight's estimates, in order (``naming.py``)."""
-    return tuple(name for e in scenario.estimators for name in _estimates_of(e, lateral=scenario.lateral.enabled))
-
-
-def _estimates_of(estimator: EstimatorSettings, *, lateral: bool) -> list[str]:
-    surfaces = SURFACES if lateral and estimator.kind == "two-stage" else SURFACES[:1]
-    return [estimate_name(estimator.name, surface) for surface in surfaces]
-
-
-def detectors(scenario: Scenario) -> tuple[str, ...]:
-    """Return the names of the estimates with a change test; external estimators are not listed, their alarms are known only in flight."""
-    return tuple(
-        name
-        for e in scenario.estimators
-        if e.kind == "two-stage" or (e.kind == "loop-gain" and e.memory == "window" and e.alarm_threshold > 0.0)
-        for name in _estimates_of(e, lateral=scenario.lateral.enabled)
-    )

@@ -9,10 +9,10 @@ from typing import Any
 from flightbed.config.overrides import override
 from flightbed.config.reading import frozen, problems, read_toml, shown
 from flightbed.config.table import ValidationError
-from flightbed.consistency import contradictions, idle_keys
 from flightbed.core import data
 from flightbed.core.errors import ScenarioError
-from flightbed.settings.scenario import Scenario
+from flightbed.scenario.checks import contradictions, idle_keys
+from flightbed.scenario.tables import Scenario
 
 __all__ = ["Scenario", "load_scenario"]
 

@@ -1,0 +1,1 @@
+"""The tables of a scenario, the checks between tables, and reading."""

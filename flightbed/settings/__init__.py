@@ -1,1 +1,0 @@
-"""The tables and keys of scenarios and campaigns."""
