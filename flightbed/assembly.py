@@ -14,15 +14,15 @@ from flightbed.command.base import Profile, profile
 from flightbed.config import families
 from flightbed.config.kinds import Command
 from flightbed.config.tracebacks import watched
-from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
+from flightbed.control.correction import Adaptation
 from flightbed.control.design import peak_deflection
+from flightbed.control.load_factor.autothrottle import build as autothrottle
 from flightbed.control.redesign import Redesign, RedesignedPitch
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.core.signals import Health, LateralNoise, SensorNoise
 from flightbed.core.units import DEG, FT, LB
 from flightbed.estimation.base import Estimator, SurfacesEstimator, estimate_names
-from flightbed.kemp_factories import autothrottle
 from flightbed.lateral import LateralAxes
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.load_factor import LoadFactorAxis

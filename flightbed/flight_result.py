@@ -17,6 +17,7 @@ import numpy as np
 from flightbed.assembly import assemble, names_of, sensor_noise
 from flightbed.bound import bound, design_models, schedule_models
 from flightbed.config.tracebacks import watched
+from flightbed.control.stability_margins import lateral_margin
 from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import Sample
 from flightbed.core.units import DEG
@@ -28,7 +29,6 @@ from flightbed.fused import ready, rows_of
 from flightbed.linear_aircraft import LinearAircraft
 from flightbed.loop import Flight
 from flightbed.loop import fly as fly_loop
-from flightbed.margins import lateral_margin
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
 from flightbed.pacing import Clock, paced, punctuality, with_timings
 from flightbed.plan import Plan, plan

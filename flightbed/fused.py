@@ -17,9 +17,9 @@ from struct import Struct
 
 import numpy as np
 
-from flightbed.control import adaptation
-from flightbed.control.adaptation import Adaptation
+from flightbed.control import correction as adaptation
 from flightbed.control.base import Gains
+from flightbed.control.correction import Adaptation
 from flightbed.control.proportional import Proportional, proportional_demand
 from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.core.compiled import Array, compiled

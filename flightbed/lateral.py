@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 
-from flightbed.control.adaptation import Adaptation
+from flightbed.control.correction import Adaptation
 from flightbed.control.roll_yaw import RollYaw
 from flightbed.core.errors import EstimateError
 from flightbed.core.signals import Estimate, Health, LateralSample

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isnan, nan
 
-from flightbed.control.autothrottle import Autothrottle
-from flightbed.control.load_factor import LoadFactorLaw, level_g
+from flightbed.control.load_factor.autothrottle import Autothrottle
+from flightbed.control.load_factor.design import LoadFactorLaw, level_g
 from flightbed.core.signals import LoadFactorSample, Measurement
 from flightbed.plant.base import ThrottledPlant
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 from flightbed.command.base import Profile
-from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Law
+from flightbed.control.correction import Adaptation
 from flightbed.control.redesign import Redesign
 from flightbed.core.errors import EstimateError
 from flightbed.core.signals import Estimate, LateralMeasurement, LateralSample, Measurement, Sample

@@ -12,16 +12,16 @@ from flightbed.avionics.schedule import Schedule
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.config import families
 from flightbed.control.base import Gains, Law
-from flightbed.control.load_factor import LoadFactorDesign, LoadFactorLaw
+from flightbed.control.load_factor.design import LoadFactorDesign, LoadFactorLaw
+from flightbed.control.redesign import lq_gains
+from flightbed.control.stability_margins import Margins, pitch_margins
 from flightbed.core.actuator import Actuator
 from flightbed.core.errors import AircraftError, DesignError, NoTrimError, ScenarioError
 from flightbed.core.units import DEG, FT
 from flightbed.envelope import pitch_point, pitch_points
-from flightbed.factories import lq_gains
 from flightbed.failures.base import ACTUATOR_FAILURES
 from flightbed.linear_aircraft import LinearAircraft, load_flyable
 from flightbed.linearize import linearize
-from flightbed.margins import Margins, pitch_margins
 from flightbed.models.reduce import lateral_directional, short_period
 from flightbed.models.tabulate import load_schedule
 from flightbed.plant.airframe import JsbsimAirframe

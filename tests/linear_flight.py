@@ -8,7 +8,7 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.command.base import profile
 from flightbed.command.doublet import doublet
-from flightbed.control.adaptation import Adaptation
+from flightbed.control.correction import Adaptation
 from flightbed.control.design import design_proportional
 from flightbed.control.proportional import Proportional
 from flightbed.core.signals import Sample, SensorNoise

@@ -15,7 +15,7 @@ from flightbed.campaign_report import campaign_report
 from flightbed.card import run_card
 from flightbed.comparison import load_runs
 from flightbed.comparison_report import comparison_report
-from flightbed.control.load_factor import closed_loop_poles, gain_table
+from flightbed.control.load_factor.design import closed_loop_poles, gain_table
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import ScenarioError
 from flightbed.core.units import FT, G0

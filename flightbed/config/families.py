@@ -32,11 +32,11 @@ _BUILT_IN = MappingProxyType(
             "none": "flightbed.command.constant:build_none",
         },
         "laws": {
-            "proportional": "proportional",
-            "proportional-integral": "proportional_integral",
-            "lq": "lq",
-            "nz-adaptive": "flightbed.kemp_factories:nz_adaptive",
-            "nz-scheduled": "flightbed.kemp_factories:nz_scheduled",
+            "proportional": "flightbed.control.proportional:build",
+            "proportional-integral": "flightbed.control.proportional_integral:build",
+            "lq": "flightbed.control.redesign:build",
+            "nz-adaptive": "flightbed.control.load_factor.adaptive:build",
+            "nz-scheduled": "flightbed.control.load_factor.scheduled:build",
         },
         "failures": {
             "effectiveness": "flightbed.failures.surface:build_effectiveness",

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from flightbed.control.base import Gains
+from flightbed.avionics.short_period import ShortPeriod
+from flightbed.config import kinds
+from flightbed.control.base import Gains, Law
+from flightbed.control.design import design_proportional
 from flightbed.core.compiled import compiled, plain
 from flightbed.core.signals import Measurement
 
@@ -33,3 +36,20 @@ class Proportional:
             self._reference, self._alpha, self._q, self._elevator, self.elevator_trim_rad,
             q_ref_rad_s, measurement.alpha_rad - self.alpha_trim_rad, measurement.q_rad_s, elevator_rad - self.elevator_trim_rad,
         )  # fmt: skip
+
+
+def wanted_poles(settings: kinds.Control) -> list[complex] | None:
+    return None if settings.poles is None else [complex(re, im) for re, im in settings.poles]
+
+
+def given_gains(gains: kinds.GainSettings, *, integral: float = 0.0) -> Gains:
+    return Gains(gains.alpha, gains.q_s, gains.elevator, gains.reference_s, integral)
+
+
+def build(settings: kinds.Control, design: ShortPeriod, _control_hz: int) -> Law:
+    """Feedback of alpha, q and elevator, prefilter gain for unit DC gain (Sillence S 3.2)."""
+    return Proportional(
+        given_gains(settings.gains) if settings.gains else design_proportional(design, wanted_poles(settings)),
+        alpha_trim_rad=design.alpha_trim_rad,
+        elevator_trim_rad=design.elevator_trim_rad,
+    )

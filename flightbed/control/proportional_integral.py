@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from flightbed.control.base import Gains
-from flightbed.control.proportional import Proportional
+from flightbed.avionics.short_period import ShortPeriod
+from flightbed.config import kinds
+from flightbed.control.base import Gains, Law
+from flightbed.control.design import design_integral
+from flightbed.control.proportional import Proportional, given_gains, wanted_poles
 from flightbed.core.signals import Measurement
 
 
@@ -24,3 +27,15 @@ class ProportionalIntegral:
         if not hold:
             self._integral += self.per_tick * (q_ref_rad_s - measurement.q_rad_s)
         return demand
+
+
+def build(settings: kinds.Control, design: ShortPeriod, control_hz: int) -> Law:
+    """Add to the proportional law the integral of the pitch-rate error (Sillence S 3.3)."""
+    return ProportionalIntegral(
+        given_gains(settings.gains, integral=settings.gains.integral)
+        if settings.gains
+        else design_integral(design, wanted_poles(settings), integral_pole=settings.integral_pole_rad_s),
+        alpha_trim_rad=design.alpha_trim_rad,
+        elevator_trim_rad=design.elevator_trim_rad,
+        control_hz=control_hz,
+    )

@@ -14,12 +14,14 @@ from math import exp
 import numpy as np
 
 from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
-from flightbed.control.base import Gains
+from flightbed.config import kinds
+from flightbed.control.base import Gains, Law
 from flightbed.control.lq import lq_gain
 from flightbed.control.proportional import Proportional
 from flightbed.control.roll_yaw import RollYaw
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import Estimate, Measurement
+from flightbed.core.units import DEG
 
 _BUMP_S = 0.2
 
@@ -139,3 +141,18 @@ class Redesign:
     def _confirmed(self, estimate: Estimate, had: float) -> float:
         wanted = max(self.floor, estimate.effectiveness_smoothed)
         return wanted if estimate.alarms > 0.0 and abs(wanted - had) > self.tolerance else had
+
+
+def build(settings: kinds.Control, design: ShortPeriod, control_hz: int) -> Law:
+    """Proportional law with gains that are optimal for quadratic weights, redesigned for K-hat with adaptation.method = "redesign"."""
+    return RedesignedPitch(design, _pitch_weights(settings), control_hz=control_hz)
+
+
+def lq_gains(settings: kinds.Control, design: ShortPeriod, control_hz: int, effectiveness: float) -> Gains:
+    """Return the gains of the law build at a given K."""
+    return pitch_lq(design, _pitch_weights(settings), control_hz=control_hz, effectiveness=effectiveness)
+
+
+def _pitch_weights(settings: kinds.Control) -> PitchWeights:
+    weights = settings.weights
+    return PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG)

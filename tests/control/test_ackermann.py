@@ -10,7 +10,7 @@ import control
 import numpy as np
 import pytest
 
-from flightbed.control.ackermann import AckermannConfig, IntegralPlacement, augment
+from flightbed.control.load_factor.integral_placement import AckermannConfig, IntegralPlacement, augment
 from flightbed.studies.kemp import plants
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "kemp.toml").read_text())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.control.adaptation import Adaptation
+from flightbed.control.correction import Adaptation
 from flightbed.control.design import closed_loop, default_poles, design_proportional, peak_deflection
 from flightbed.core.units import DEG
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from flightbed.control.adaptation import Adaptation
 from flightbed.control.base import Gains
+from flightbed.control.correction import Adaptation
 from flightbed.control.proportional import Proportional
 from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.core.signals import Measurement

@@ -12,9 +12,17 @@ from scipy.signal import cont2discrete, dimpulse
 
 from flightbed.avionics.pitch_points import PitchPoint, dynamic_pressure_pa
 from flightbed.config.kinds import Control, Identification
-from flightbed.control.ackermann import AckermannConfig, IntegralPlacement
-from flightbed.control.autothrottle import Autothrottle
-from flightbed.control.load_factor import (
+from flightbed.control.load_factor.adaptive import (
+    FIRST_GAINS,
+    SIGNS,
+    THESIS_PRIOR,
+    NzAdaptive,
+    NzAdaptiveConfig,
+    rest_state,
+)
+from flightbed.control.load_factor.adaptive import build as nz_adaptive
+from flightbed.control.load_factor.autothrottle import Autothrottle
+from flightbed.control.load_factor.design import (
     POLES,
     GainTable,
     LoadFactorDesign,
@@ -24,15 +32,14 @@ from flightbed.control.load_factor import (
     increment_g,
     second_order,
 )
-from flightbed.control.nz_adaptive import FIRST_GAINS, SIGNS, THESIS_PRIOR, NzAdaptive, NzAdaptiveConfig, rest_state
-from flightbed.control.nz_scheduled import NzScheduled
+from flightbed.control.load_factor.integral_placement import AckermannConfig, IntegralPlacement
+from flightbed.control.load_factor.scheduled import NzScheduled
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import Measurement
 from flightbed.core.units import DEG
 from flightbed.estimation.plid.factored import FACTORED
 from flightbed.estimation.plid.identify import PlidConfig, Tracking
-from flightbed.kemp_factories import nz_adaptive
 
 POINT = PitchPoint(
     14000.0, np.array([[-1.0, 0.906], [0.63, -1.04]]), np.array([0.051, -9.14]), np.array([15.2, 1.44]), -0.79

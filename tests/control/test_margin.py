@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flightbed.control.gain_margin import first_crossing, stability_margin
 from flightbed.control.lq import lq_gain, spectral_radius
-from flightbed.control.margin import first_crossing, stability_margin
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

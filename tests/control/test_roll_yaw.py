@@ -9,7 +9,7 @@ import pytest
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.avionics.lateral import LateralDirectional
 from flightbed.avionics.short_period import zero_order_hold
-from flightbed.control.adaptation import Adaptation
+from flightbed.control.correction import Adaptation
 from flightbed.control.lq import spectral_radius
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.core.errors import DesignError

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.control import placement
-from flightbed.control.ackermann import augment
+from flightbed.control.load_factor.integral_placement import augment
 from flightbed.document.document import Claim, Section, Table
 from flightbed.statistics.intervals import share, spread
 from flightbed.studies.base import Part, Trials, keyed_part

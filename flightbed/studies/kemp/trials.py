@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.control.ackermann import AckermannConfig, IntegralPlacement
+from flightbed.control.load_factor.integral_placement import AckermannConfig, IntegralPlacement
 from flightbed.estimation.plid.identify import Plid, PlidConfig, Tracking
 from flightbed.studies.kemp import methods, plants, printed
 from flightbed.studies.kemp.plants import Record

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from flightbed.control.gain_margin import stability_margin
 from flightbed.control.lq import offset_weights, redesign, spectral_radius
-from flightbed.control.margin import stability_margin
 from flightbed.document.document import Section, Table
 from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, Trials, keyed_part

@@ -10,11 +10,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp
 
+import numpy as np
+
 from flightbed.avionics.pitch_points import dynamic_pressure_pa
-from flightbed.control.ackermann import AckermannConfig, IntegralPlacement
-from flightbed.control.load_factor import GainTable, increment_g
+from flightbed.config import kinds
+from flightbed.control.load_factor.design import (
+    GainTable,
+    LoadFactorDesign,
+    LoadFactorLaw,
+    gain_table,
+    increment_g,
+    second_order,
+    wanted_poles,
+)
+from flightbed.control.load_factor.integral_placement import AckermannConfig, IntegralPlacement
 from flightbed.core.signals import Measurement
-from flightbed.estimation.plid.identify import Form, Plid, PlidConfig
+from flightbed.estimation.plid.estimator import FORMS, dtype_of
+from flightbed.estimation.plid.identify import Form, Plid, PlidConfig, Tracking
 
 # Listing of D: s_0, with poles near the unit circle and the zero that the thesis expects; initial gains, used until a model is accepted.
 THESIS_PRIOR = (-0.9856, 1.953, 0.1416, -0.1025)
@@ -98,3 +110,36 @@ class NzAdaptive:
 def rest_state(model: tuple[float, float, float, float], u: float) -> tuple[float, ...]:
     """Return the extended state of a model at rest at y = 0 with the input u: x_1 = b_0 u, x_2 = y = 0."""
     return model[2] * u, 0.0, *model
+
+
+def build(settings: kinds.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+    """Load factor by PLID and pole placement at every tick, around a pitch-rate loop (Kemp chapter 6)."""
+    wanted, poles = settings.identification, wanted_poles(settings)
+    table = gain_table(design.points, poles)
+    damping = table.at(design.here.dynamic_pressure_pa)[1]
+    model = THESIS_PRIOR
+    if wanted.prior == "linearization":
+        model = second_order(design.here, pitch_rate_gain=damping, actuator_rad_s=design.actuator_rad_s, hz=control_hz)
+    plid = PlidConfig(
+        order=2,
+        process_var=wanted.process_var,
+        output_var=wanted.output_var,
+        prior=rest_state(model, design.elevator_trim_rad),
+        prior_var=wanted.prior_var,
+        tracking=Tracking(block_fade=wanted.block_fade),
+        dtype=dtype_of(wanted.precision),
+    )
+    placement = AckermannConfig(
+        poles=tuple(complex(np.exp(pole / control_hz)) for pole in poles),
+        first=FIRST_GAINS,
+        signs=SIGNS,
+        patience=wanted.patience,
+        kept=exp(-wanted.gain_filter_rad_s / control_hz) if wanted.gain_filter_rad_s else 0.0,
+    )
+    return NzAdaptive(
+        NzAdaptiveConfig(plid, FORMS[wanted.form], placement, wanted.command_filter_rad_s),
+        table,
+        control_hz=control_hz,
+        elevator_trim_rad=design.elevator_trim_rad,
+        stops_rad=design.stops_rad,
+    )

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from flightbed.config import kinds
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.signals import Measurement
+from flightbed.core.units import FT
 
 
 @dataclass(frozen=True)
@@ -31,3 +33,16 @@ class Autothrottle:
         wanted = self.then_m_s if tick >= self.from_tick else self.airspeed_m_s
         airspeed = measurement.mach * standard_air(measurement.altitude_m).sound_m_s
         return self.high_norm if airspeed < wanted else self.low_norm
+
+
+def build(settings: kinds.Autothrottle, *, airspeed_m_s: float, control_hz: int) -> Autothrottle | None:
+    """Return an build that holds the initial airspeed, and then_fps from then_at_s on; None if it is disabled."""
+    if not settings.enabled:
+        return None
+    return Autothrottle(
+        settings.low_norm,
+        settings.high_norm,
+        airspeed_m_s,
+        settings.then_fps * FT if settings.then_fps else airspeed_m_s,
+        round(settings.then_at_s * control_hz),
+    )

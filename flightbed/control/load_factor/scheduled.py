@@ -5,7 +5,15 @@ from __future__ import annotations
 from math import nan
 
 from flightbed.avionics.pitch_points import dynamic_pressure_pa
-from flightbed.control.load_factor import GainTable, increment_g
+from flightbed.config import kinds
+from flightbed.control.load_factor.design import (
+    GainTable,
+    LoadFactorDesign,
+    LoadFactorLaw,
+    gain_table,
+    increment_g,
+    wanted_poles,
+)
 from flightbed.core.signals import Measurement
 
 
@@ -49,3 +57,13 @@ class NzScheduled:
         low, high = self._stops
         self._demand = min(max(self._demand, low), high)
         return self._demand
+
+
+def build(settings: kinds.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+    """Load factor with gains of alpha, q, error and its integral, scheduled over measured dynamic pressure (Kemp S 6.1)."""
+    return NzScheduled(
+        gain_table(design.points, wanted_poles(settings)),
+        control_hz=control_hz,
+        elevator_trim_rad=design.elevator_trim_rad,
+        stops_rad=design.stops_rad,
+    )

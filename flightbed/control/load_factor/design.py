@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from flightbed.avionics.pitch_points import PitchPoint
 from flightbed.avionics.short_period import zero_order_hold
+from flightbed.config import kinds
 from flightbed.control import placement
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import Measurement
@@ -180,3 +181,7 @@ def second_order(
     past = np.column_stack([answer[1:-1], answer[:-2], struck])
     a_1, a_0, b_0 = np.linalg.lstsq(past, answer[2:], rcond=None)[0].tolist()
     return a_0, a_1, b_0, 0.0
+
+
+def wanted_poles(settings: kinds.Control) -> Sequence[complex]:
+    return POLES if settings.poles is None else [complex(re, im) for re, im in settings.poles]

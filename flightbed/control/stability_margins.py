@@ -20,8 +20,8 @@ import numpy as np
 from flightbed.avionics.lateral import LateralDirectional
 from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
 from flightbed.control.base import Gains
+from flightbed.control.gain_margin import first_crossing
 from flightbed.control.lq import spectral_radius
-from flightbed.control.margin import first_crossing
 from flightbed.control.roll_yaw import RollYaw
 from flightbed.core.compiled import Array
 

@@ -1,0 +1,1 @@
+"""Laws that command the load factor, and the throttle."""
