@@ -18,11 +18,11 @@ import numpy as np
 from flightbed.aircraft.overlay import load_aircraft
 from flightbed.core.timing import interleaved, ratios, seconds, spread
 from flightbed.core.units import DEG
-from flightbed.linearize import linearize
+from flightbed.models.linearize import linearize
+from flightbed.models.survey.condition import Query, linearize_at
+from flightbed.models.trim import trim
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.survey import Query, linearize_at
-from flightbed.trim import trim
 
 
 def main(rounds: int) -> None:

@@ -13,8 +13,8 @@ from flightbed.core.units import DEG, FT
 
 f16 = flightbed.load_aircraft("f16")
 airframe = flightbed.JsbsimAirframe(f16, mach=0.8, altitude_m=20000 * FT)
-point = flightbed.trim(airframe)
-model = flightbed.linearize(airframe, point)
+point = flightbed.models.trim(airframe)
+model = flightbed.models.linearize(airframe, point)
 print(f"trim: alpha {point.alpha_rad / DEG:.2f} deg, elevator {point.elevator_rad / DEG:.2f} deg")
 
 # %% The design model: alpha, q and the elevator position, which follows its command with a first-order lag

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from flightbed.avionics.short_period import ShortPeriod
 
 # At once, because these functions bear the names of their modules: importing a module later would put it in their place.
-from flightbed.linearize import LinearModel, linearize
+from flightbed.models.linearize import LinearModel, linearize
 from flightbed.models.reduce import short_period
-from flightbed.trim import TrimPoint, trim
+from flightbed.models.trim import TrimPoint, trim
 
 if TYPE_CHECKING:
     from flightbed.aircraft.overlay import Aircraft, load_aircraft

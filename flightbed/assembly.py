@@ -24,9 +24,9 @@ from flightbed.core.signals import Health, LateralNoise, SensorNoise
 from flightbed.core.units import DEG, FT, LB
 from flightbed.estimation.base import Estimator, SurfacesEstimator, estimate_names
 from flightbed.lateral import LateralAxes
-from flightbed.linear_aircraft import LinearAircraft
 from flightbed.load_factor import LoadFactorAxis
 from flightbed.loop import Flight
+from flightbed.models.linear_aircraft import LinearAircraft
 from flightbed.plan import Plan, law_of, load_factor_law_of
 from flightbed.plant.base import Plant
 from flightbed.plant.gusts import gusts

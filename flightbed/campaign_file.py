@@ -12,7 +12,7 @@ from flightbed.config.reading import frozen, problems, read_toml, shown
 from flightbed.config.table import ValidationError
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, did_you_mean
-from flightbed.linear_aircraft import load_flyable
+from flightbed.models.linear_aircraft import load_flyable
 from flightbed.plan import plan
 from flightbed.programme import Programme, Values, grid, with_values
 from flightbed.scenario.checks import idle_keys

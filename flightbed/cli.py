@@ -237,7 +237,7 @@ def trim(
         output: Write to this file instead of stdout; needed for parquet.
 
     """
-    from flightbed import sweep
+    from flightbed.models.survey import sweep
 
     plane, queries = sweep.read_conditions(aircraft, condition or ConditionOptions())
     _deliver(sweep.trim_all(plane, queries, format_, output), output)
@@ -273,7 +273,7 @@ def linearize(
         picture: Draw the stability map of a sweep to this png, svg or pdf.
 
     """
-    from flightbed import sweep
+    from flightbed.models.survey import sweep
 
     plane, queries = sweep.read_conditions(aircraft, condition or ConditionOptions())
     options = sweep.ModelOptions(part, actuator, control_hz, validate)

@@ -26,10 +26,10 @@ from flightbed.estimation.base import estimate_names
 from flightbed.excitation import with_excitation
 from flightbed.failures.base import failure_tick
 from flightbed.fused import ready, rows_of
-from flightbed.linear_aircraft import LinearAircraft
 from flightbed.loop import Flight
 from flightbed.loop import fly as fly_loop
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
+from flightbed.models.linear_aircraft import LinearAircraft
 from flightbed.pacing import Clock, paced, punctuality, with_timings
 from flightbed.plan import Plan, plan
 from flightbed.run_summary import (

@@ -18,17 +18,17 @@ from flightbed.control.stability_margins import Margins, pitch_margins
 from flightbed.core.actuator import Actuator
 from flightbed.core.errors import AircraftError, DesignError, NoTrimError, ScenarioError
 from flightbed.core.units import DEG, FT
-from flightbed.envelope import pitch_point, pitch_points
 from flightbed.failures.base import ACTUATOR_FAILURES
-from flightbed.linear_aircraft import LinearAircraft, load_flyable
-from flightbed.linearize import linearize
+from flightbed.models.envelope import pitch_point, pitch_points
+from flightbed.models.linear_aircraft import LinearAircraft, load_flyable
+from flightbed.models.linearize import linearize
 from flightbed.models.reduce import lateral_directional, short_period
 from flightbed.models.tabulate import load_schedule
+from flightbed.models.trim import TrimPoint, trim
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario.reading import Scenario
 from flightbed.scenario.tables import Condition
-from flightbed.trim import TrimPoint, trim
 
 _STANDARD = Condition(mach=0.8, altitude_ft=20000.0)  # condition at which the schedule is tabulated
 

@@ -226,7 +226,7 @@ def list_lines(family: str | None) -> Iterator[RenderableType]:
     from flightbed.config import families
     from flightbed.config.reading import read_toml
     from flightbed.core import data
-    from flightbed.linear_aircraft import load_flyable
+    from flightbed.models.linear_aircraft import load_flyable
     from flightbed.scenario.reading import load_scenario
 
     def entries(family: str) -> list[tuple[str, str]]:

@@ -15,10 +15,10 @@ import pytest
 from flightbed.aircraft.overlay import Aircraft, load_aircraft
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.units import FT
-from flightbed.linearize import linearize
+from flightbed.models.linearize import linearize
 from flightbed.models.reduce import short_period
+from flightbed.models.trim import trim
 from flightbed.plant.airframe import JsbsimAirframe
-from flightbed.trim import trim
 from tests.flights import ShippedFlight, once
 from tests.golden_flights import GOLDEN_PROPERTY, Compared, summary
 

@@ -101,9 +101,9 @@ def test_the_shares_scale_the_deflection_each_in_its_tables(f16: Aircraft) -> No
 
 def test_trim_and_linearization_scale_moment_and_force_alike(f16: Aircraft) -> None:
     """K = 0.5 at twice the deflection has all derivatives of the healthy aircraft, and half of b."""
-    from flightbed.linearize import linearize
+    from flightbed.models.linearize import linearize
+    from flightbed.models.trim import trim
     from flightbed.plant.airframe import JsbsimAirframe
-    from flightbed.trim import trim
 
     full, half = (JsbsimAirframe(f16, mach=0.6, altitude_m=6096.0, effectiveness=K) for K in (1.0, 0.5))
     points = trim(full), trim(half)
@@ -149,9 +149,9 @@ def test_ailerons_no_longer_push_or_lift(f16: Aircraft) -> None:
 
 
 def test_cg_shift_makes_it_less_stable(f16: Aircraft) -> None:
-    from flightbed.linearize import linearize
+    from flightbed.models.linearize import linearize
+    from flightbed.models.trim import trim
     from flightbed.plant.airframe import JsbsimAirframe
-    from flightbed.trim import trim
 
     def m_alpha(shift: float) -> float:
         airframe = JsbsimAirframe(f16, mach=0.6, altitude_m=6096.0, cg_shift_cbar=shift)

@@ -13,14 +13,14 @@ import pytest
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import InputError, NoTrimError, UnknownNameError
 from flightbed.core.units import DEG, G0, KT
-from flightbed.documents import document, row
-from flightbed.linearize import LATERAL, LONGITUDINAL, PARTS, LinearModel
-from flightbed.modes import lateral_modes, modes
+from flightbed.models.linearize import LATERAL, LONGITUDINAL, PARTS, LinearModel
+from flightbed.models.modes import lateral_modes, modes
+from flightbed.models.survey.condition import Query, find_aircraft, linearize_at, nearest_feasible, trim_at
+from flightbed.models.survey.rows import document, row
+from flightbed.models.survey.stability_map import draw
+from flightbed.models.survey.sweep import trim_all
+from flightbed.models.trim import TrimPoint, trim
 from flightbed.plant.base import Controls, Motion
-from flightbed.stability_map import draw
-from flightbed.survey import Query, find_aircraft, linearize_at, nearest_feasible, trim_at
-from flightbed.sweep import trim_all
-from flightbed.trim import TrimPoint, trim
 from tests.command_line import assert_one_clear_line, flightbed
 
 SCHEMA = json.loads((Path(__file__).parent / "golden" / "linearize.schema.json").read_text())

@@ -13,13 +13,13 @@ from flightbed.assembly import assemble
 from flightbed.avionics import lateral_kernels
 from flightbed.avionics.lateral import INPUTS, STATES, LateralDirectional
 from flightbed.core.units import FT, G0
-from flightbed.linearize import linearize
 from flightbed.loop import fly
+from flightbed.models.linearize import linearize
 from flightbed.models.reduce import lateral_directional
+from flightbed.models.trim import trim
 from flightbed.plan import plan
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.scenario.reading import load_scenario
-from flightbed.trim import trim
 
 CONDITIONS = [(0.8, 20000.0), (0.6, 20000.0), (0.5, 5000.0), (0.7, 30000.0)]
 

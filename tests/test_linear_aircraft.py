@@ -15,7 +15,7 @@ from flightbed import cli
 from flightbed.aircraft.overlay import Aircraft, load_aircraft
 from flightbed.core import data
 from flightbed.core.errors import AircraftError, UnknownNameError
-from flightbed.linear_aircraft import LinearAircraft, load_flyable, load_linear_aircraft
+from flightbed.models.linear_aircraft import LinearAircraft, load_flyable, load_linear_aircraft
 from tests.command_line import flightbed
 
 TEXT = (data.shipped("aircraft") / "sillence" / "aircraft.toml").read_text(encoding="utf-8")

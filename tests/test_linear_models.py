@@ -15,15 +15,15 @@ from scipy.io import loadmat
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import InputError, NoTrimError
 from flightbed.core.units import DEG, FT
-from flightbed.documents import document
 from flightbed.fdm.tables import breakpoints
-from flightbed.linearize import LOADS, LONGITUDINAL, STATES, LinearModel
-from flightbed.model_files import binary
-from flightbed.modes import flying_qualities, longitudinal_modes, modes
+from flightbed.models.linearize import LOADS, LONGITUDINAL, STATES, LinearModel
+from flightbed.models.modes import flying_qualities, longitudinal_modes, modes
+from flightbed.models.survey.condition import Query, axis, linearize_at, trim_at
+from flightbed.models.survey.formats import binary
+from flightbed.models.survey.rows import document
+from flightbed.models.trim import TrimPoint
+from flightbed.models.validate import validate
 from flightbed.plant.base import Controls, Motion
-from flightbed.survey import Query, axis, linearize_at, trim_at
-from flightbed.trim import TrimPoint
-from flightbed.validate import validate
 from tests.command_line import assert_one_clear_line, flightbed
 
 

@@ -12,11 +12,11 @@ from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import AircraftError, DesignError, ScenarioError
 from flightbed.core.signals import Measurement
 from flightbed.core.units import DEG, FT
-from flightbed.linear_aircraft import LinearAircraft
+from flightbed.models.linear_aircraft import LinearAircraft
+from flightbed.models.trim import TrimPoint
 from flightbed.plan import plan
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario.reading import load_scenario
-from flightbed.trim import TrimPoint
 from tests.command_line import flightbed
 
 # override -> error message; estimators on the schedule use the absolute input

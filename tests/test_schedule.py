@@ -15,10 +15,10 @@ from flightbed.core.atmosphere import standard_air
 from flightbed.core.units import DEG, FT
 from flightbed.mission import run
 from flightbed.models.tabulate import build_schedule, load_schedule
+from flightbed.models.trim import trim
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario.reading import load_scenario
-from flightbed.trim import trim
 
 THROTTLE = 0.34
 

@@ -14,11 +14,11 @@ from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
 from flightbed.core.errors import NoTrimError
 from flightbed.core.units import DEG, FT
 from flightbed.fdm.jsbsim import Fdm
-from flightbed.linearize import LinearModel, linearize
+from flightbed.models.linearize import LinearModel, linearize
 from flightbed.models.reduce import short_period
+from flightbed.models.trim import TrimPoint, trim
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
-from flightbed.trim import TrimPoint, trim
 
 # Level, away from the flap switches at alpha 5 and 15 deg and Mach 0.9, and from breakpoints: Mach 0.6, 0.7, 0.8, 0.9,
 # alpha 0 and 10.03 deg, and the engine's altitudes, whole 10,000 ft.

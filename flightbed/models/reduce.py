@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flightbed.avionics.lateral import INPUTS, STATES, LateralDirectional
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.linearize import LinearModel
+from flightbed.models.linearize import LinearModel
 from flightbed.models.tabulate_lateral import tabulate
 from flightbed.plant.base import Airframe
 

@@ -15,10 +15,10 @@ from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import LateralMeasurement
 from flightbed.core.units import DEG, FT
-from flightbed.linearize import linearize
+from flightbed.models.linearize import linearize
 from flightbed.models.reduce import lateral_directional
+from flightbed.models.trim import trim
 from flightbed.plant.airframe import JsbsimAirframe
-from flightbed.trim import trim
 
 HZ = 100
 WEIGHTS = RollYawWeights(2 * DEG, 20 * DEG, 10 * DEG, 10 * DEG, 10 * DEG)

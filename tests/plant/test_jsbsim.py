@@ -13,14 +13,14 @@ from flightbed.core.errors import AircraftError
 from flightbed.core.signals import HEALTHY, Health
 from flightbed.core.units import DEG, FT, G0, LBF
 from flightbed.fdm.jsbsim import Fdm
-from flightbed.linearize import linearize
+from flightbed.models.linearize import linearize
 from flightbed.models.reduce import short_period
+from flightbed.models.trim import TrimPoint, trim
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.plant.gusts import calm, one_minus_cosine
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.nonlinear import JsbsimPlant, Start
-from flightbed.trim import TrimPoint, trim
 
 ALTITUDE = 20000 * FT
 

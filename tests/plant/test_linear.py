@@ -16,7 +16,7 @@ from scipy.stats import chi2, norm
 from flightbed.avionics.short_period import Discrete, ShortPeriod, zero_order_hold
 from flightbed.core.signals import HEALTHY, Health, Truth
 from flightbed.core.units import DEG, G0
-from flightbed.linear_aircraft import load_linear_aircraft
+from flightbed.models.linear_aircraft import load_linear_aircraft
 from flightbed.plant import linear
 from flightbed.plant.gusts import Gusts, calm, one_minus_cosine
 from flightbed.plant.linear import LinearPlant

@@ -15,9 +15,9 @@ from flightbed.core.units import DEG, FT
 from flightbed.failures.base import HealthHistory, healthy
 from flightbed.failures.surface import bias, effectiveness_loss, floating, hardover, rate_limited, stuck
 from flightbed.fdm.jsbsim import Fdm
+from flightbed.models.trim import TrimPoint, trim
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.nonlinear import JsbsimPlant, Start
-from flightbed.trim import TrimPoint, trim
 from tests.test_aircraft import LOADS, POINTS, _settle, _stock
 
 ALTITUDE = 20000 * FT

@@ -16,7 +16,7 @@ from flightbed.ensemble import Flown, Job
 from flightbed.estimation.record import batch_estimate, estimate_record
 from flightbed.estimation.regression import difference_noise_covariance, least_squares
 from flightbed.estimation.sinusoids import phasor, second_order, transfer_function
-from flightbed.linear_aircraft import load_linear_aircraft
+from flightbed.models.linear_aircraft import load_linear_aircraft
 from flightbed.studies.base import Flights, Part
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.setup import thesis

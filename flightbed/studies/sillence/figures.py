@@ -13,7 +13,7 @@ from flightbed.control.design import reference_gain
 from flightbed.document import drawing
 from flightbed.document.document import Picture, Section
 from flightbed.ensemble import Flown, Job
-from flightbed.linear_aircraft import load_linear_aircraft
+from flightbed.models.linear_aircraft import load_linear_aircraft
 from flightbed.studies.base import Flights, Part
 from flightbed.studies.sillence import plots, printed
 from flightbed.studies.sillence.gain_figures import adaptive, estimates

@@ -13,8 +13,8 @@ from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
 from flightbed.document.document import Section, Table, show
 from flightbed.ensemble import Flown, Job
-from flightbed.linear_aircraft import load_linear_aircraft
 from flightbed.metrics import snr_db
+from flightbed.models.linear_aircraft import load_linear_aircraft
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import rank, spread
 from flightbed.studies.base import Flights, Part, keyed_part

@@ -12,9 +12,9 @@ from flightbed.avionics.pitch_points import PitchPoint
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import NoTrimError
 from flightbed.core.units import FT, LBF
-from flightbed.linearize import LinearModel, linearize
+from flightbed.models.linearize import LinearModel, linearize
+from flightbed.models.trim import trim
 from flightbed.plant.airframe import JsbsimAirframe
-from flightbed.trim import trim
 
 PSF = LBF / FT**2  # Pa
 DYNAMIC_PRESSURES_PSF = (

@@ -12,12 +12,12 @@ from flightbed.avionics.short_period import zero_order_hold
 from flightbed.core.errors import InputError
 from flightbed.core.units import DEG
 from flightbed.fdm.jsbsim import version
-from flightbed.linearize import LinearModel
-from flightbed.modes import modes
+from flightbed.models.linearize import LinearModel
+from flightbed.models.modes import modes
+from flightbed.models.survey.condition import Point, Query
+from flightbed.models.trim import TrimPoint
+from flightbed.models.validate import validate
 from flightbed.plant.airframe import JsbsimAirframe
-from flightbed.survey import Point, Query
-from flightbed.trim import TrimPoint
-from flightbed.validate import validate
 
 
 def trim_document(query: Query, airframe: JsbsimAirframe, point: TrimPoint) -> dict[str, Any]:

@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 
 from flightbed.aircraft.overlay import Aircraft, load_aircraft
-from flightbed.authority import Authority, authority
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core import data
 from flightbed.core.errors import InputError, NoTrimError, UnknownNameError
 from flightbed.core.units import DEG, FT, KT
 from flightbed.fdm.jsbsim import stock_aircraft, stock_names
 from flightbed.fdm.stock import StockAircraft
-from flightbed.linearize import LinearModel, linearize
+from flightbed.models.authority import Authority, authority
+from flightbed.models.linearize import LinearModel, linearize
+from flightbed.models.modes import FlyingQualities, flying_qualities
 from flightbed.models.reduce import short_period
-from flightbed.modes import FlyingQualities, flying_qualities
+from flightbed.models.trim import TrimPoint, trim
 from flightbed.plant.airframe import Engine, JsbsimAirframe
-from flightbed.trim import TrimPoint, trim
 
 MOST = 100_000  # conditions of one sweep
 STOCK = "jsbsim:"  # prefix that selects the stock aircraft where an overlay has the same name

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.avionics.short_period import zero_order_hold
 from flightbed.core.units import DEG
-from flightbed.linearize import LATERAL, LONGITUDINAL, STATES, LinearModel
+from flightbed.models.linearize import LATERAL, LONGITUDINAL, STATES, LinearModel
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls
 

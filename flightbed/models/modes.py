@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.core.units import G0
-from flightbed.linearize import LinearModel
+from flightbed.models.linearize import LinearModel
 
 _FAST = ("alpha", "q")
 _SLOW = ("airspeed", "theta")

@@ -11,8 +11,8 @@ from typing import Any, cast
 import numpy as np
 
 from flightbed.core.units import unit_of
-from flightbed.linearize import LATERAL, Matrix
-from flightbed.survey import Point
+from flightbed.models.linearize import LATERAL, Matrix
+from flightbed.models.survey.condition import Point
 
 
 def model_table(point: Point, document: Mapping[str, Any]) -> str:

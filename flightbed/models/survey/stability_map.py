@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.core.errors import InputError
-from flightbed.survey import Query
+from flightbed.models.survey.condition import Query
 
 _SUFFIXES = (".png", ".svg", ".pdf")
 _SPEED = {"mach": "Mach number", "tas_fps": "true airspeed, ft/s", "cas_kt": "calibrated airspeed, kt"}

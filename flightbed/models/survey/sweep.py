@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from flightbed import documents, model_files, survey
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import InputError, NoTrimError
 from flightbed.core.files import write_atomic
 from flightbed.fdm.stock import StockAircraft
-from flightbed.survey import Point, Query
+from flightbed.models.survey import condition as survey
+from flightbed.models.survey import formats
+from flightbed.models.survey import rows as documents
+from flightbed.models.survey.condition import Point, Query
 
 Found = TypeVar("Found")
 Plane = Aircraft | StockAircraft
@@ -71,11 +73,11 @@ def trim_all(plane: Plane, queries: Sequence[Query], format_: str, output: Path 
             results.append(documents.trim_document(query, *found))
             rows.append({**_given(query), **results[-1]["trim"], "no_trim": ""})
     if format_ == "table":
-        lines = ["\n".join(model_files.trim_lines(d)) if "trim" in d else d["no_trim"] for d in results]
+        lines = ["\n".join(formats.trim_lines(d)) if "trim" in d else d["no_trim"] for d in results]
         return "".join(f"{line}\n" for line in lines).encode()
     if format_ == "parquet":
-        return model_files.parquet(rows)
-    return (model_files.json_text(results) if format_ == "json" else model_files.csv_text(rows)).encode()
+        return formats.parquet(rows)
+    return (formats.json_text(results) if format_ == "json" else formats.csv_text(rows)).encode()
 
 
 def linearize_all(
@@ -100,7 +102,7 @@ def linearize_all(
         raise InputError(f"--control-hz: must be above 0 (got {hz:g})")
     _check_format(format_, len(queries), output)
     if picture is not None:
-        from flightbed.stability_map import check, draw
+        from flightbed.models.survey.stability_map import check, draw
 
         check(picture, queries)
     points: list[Point] = []
@@ -121,14 +123,14 @@ def linearize_all(
     if picture is not None:
         write_atomic(picture, draw(plane.name, queries, rows, picture.suffix), option="--picture")
     if format_ in ("npz", "mat"):
-        return model_files.binary(model_files.arrays(points[0], results[0]), format_)
+        return formats.binary(formats.arrays(points[0], results[0]), format_)
     if format_ == "parquet":
-        return model_files.parquet(rows)
+        return formats.parquet(rows)
     if format_ == "json":
-        return model_files.json_text(results).encode()
+        return formats.json_text(results).encode()
     if format_ == "csv":
-        return model_files.csv_text(rows).encode()
-    return (model_files.model_table(points[0], results[0]) if one else model_files.sweep_table(rows)).encode()
+        return formats.csv_text(rows).encode()
+    return (formats.model_table(points[0], results[0]) if one else formats.sweep_table(rows)).encode()
 
 
 def _check_format(format_: str, conditions: int, output: Path | None) -> None:

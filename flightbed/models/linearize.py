@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.core.units import DEG, FT
+from flightbed.models.trim import TrimPoint
 from flightbed.plant.base import Airframe, Controls, Motion
-from flightbed.trim import TrimPoint
 
 if TYPE_CHECKING:
     import control
