@@ -22,8 +22,8 @@ from typing import Any
 from measuring import machine
 
 from flightbed.core.timing import interleaved, spread
+from flightbed.flight.pacing import WallClock
 from flightbed.mission import run
-from flightbed.pacing import WallClock
 from flightbed.scenario.reading import Scenario, load_scenario
 
 

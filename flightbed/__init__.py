@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from flightbed.config.own_code import using
     from flightbed.core.errors import FlightbedError
     from flightbed.core.signals import Estimate, Measurement, Sample, Truth
+    from flightbed.flight.pacing import WallClock
     from flightbed.flight_result import Result
     from flightbed.live import Live
     from flightbed.metrics import Metrics
     from flightbed.mission import fly, run
-    from flightbed.pacing import WallClock
     from flightbed.plant.airframe import JsbsimAirframe
     from flightbed.scenario.reading import Scenario, load_scenario
     from flightbed.trace import Trace, read_trace
@@ -49,7 +49,7 @@ _LATER = {
     "Scenario": "flightbed.scenario.reading",
     "Trace": "flightbed.trace",
     "Truth": "flightbed.core.signals",
-    "WallClock": "flightbed.pacing",
+    "WallClock": "flightbed.flight.pacing",
     "fly": "flightbed.mission",
     "load_aircraft": "flightbed.aircraft.overlay",
     "load_scenario": "flightbed.scenario.reading",

@@ -12,8 +12,8 @@ from flightbed.config.reading import frozen, problems, read_toml, shown
 from flightbed.config.table import ValidationError
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, did_you_mean
+from flightbed.flight.plan import plan
 from flightbed.models.linear_aircraft import load_flyable
-from flightbed.plan import plan
 from flightbed.programme import Programme, Values, grid, with_values
 from flightbed.scenario.checks import idle_keys
 from flightbed.scenario.estimates import estimates

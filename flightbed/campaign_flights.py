@@ -12,9 +12,9 @@ from flightbed.campaign_table import Row, failed_row, row
 from flightbed.config.own_code import Extension, Packed, carried
 from flightbed.config.tracebacks import line_of
 from flightbed.core.errors import FlightbedError
+from flightbed.flight.plan import Plan, plan
 from flightbed.flight_result import fly_plan
 from flightbed.parallel.executor import CHUNK, DEATHS
-from flightbed.plan import Plan, plan
 from flightbed.programme import Flight, Programme, flight_hash, scenario_of
 from flightbed.scenario.estimates import estimates
 from flightbed.scenario.own_code import named_by

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from flightbed.analysis.punctuality import Punctuality
 from flightbed.config import families
 from flightbed.config.kinds import Command, RollCommand, SideslipCommand
 from flightbed.core.units import unit_of
 from flightbed.event_log import failures, gusts, milliseconds
 from flightbed.metrics import PHASES
-from flightbed.pacing import Punctuality
 from flightbed.run_summary import RunSummary
 from flightbed.scenario.checks import idle_keys
 from flightbed.scenario.tables import Scenario

@@ -100,9 +100,9 @@ def run(
 
     """
     from flightbed.config.own_code import using
+    from flightbed.flight.pacing import WallClock
     from flightbed.live import Live, address
     from flightbed.mission import run as fly
-    from flightbed.pacing import WallClock
     from flightbed.scenario.own_code import check_named
     from flightbed.scenario.reading import load_scenario
 

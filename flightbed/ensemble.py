@@ -16,11 +16,11 @@ import numpy.typing as npt
 
 from flightbed.config.own_code import Extension, Packed, carried
 from flightbed.core.errors import InputError
+from flightbed.flight.plan import Plan, plan
 from flightbed.flight_result import fly_plan
 from flightbed.metrics import Metrics
 from flightbed.parallel.executor import CHUNK, DEATHS, Opener, Work, results
 from flightbed.parallel.processes import local_processes
-from flightbed.plan import Plan, plan
 from flightbed.scenario.own_code import named_by
 from flightbed.scenario.reading import Scenario
 from flightbed.statistics.moments import Moments, total

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from flightbed.analysis.punctuality import Spell, late_spells
 from flightbed.config.kinds import Failure, GustSettings
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
 from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR
-from flightbed.loop import DEPARTURE_RAD
+from flightbed.flight.loop import DEPARTURE_RAD
 from flightbed.metrics import at_stop, since_s
-from flightbed.pacing import Spell, late_spells
 from flightbed.run_summary import RunSummary
 from flightbed.scenario.tables import Scenario
 from flightbed.trace import Trace, true_share

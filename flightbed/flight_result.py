@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flightbed.assembly import assemble, names_of, sensor_noise
+from flightbed.analysis.punctuality import punctuality, with_timings
 from flightbed.bound import bound, design_models, schedule_models
 from flightbed.config.tracebacks import watched
 from flightbed.control.stability_margins import lateral_margin
@@ -25,13 +25,14 @@ from flightbed.core.versions import versions
 from flightbed.estimation.base import estimate_names
 from flightbed.excitation import with_excitation
 from flightbed.failures.base import failure_tick
-from flightbed.fused import ready, rows_of
-from flightbed.loop import Flight
-from flightbed.loop import fly as fly_loop
+from flightbed.flight.assembly import assemble, names_of, sensor_noise
+from flightbed.flight.computer import ready, rows_of
+from flightbed.flight.loop import Flight
+from flightbed.flight.loop import fly as fly_loop
+from flightbed.flight.pacing import Clock, paced
+from flightbed.flight.plan import Plan, plan
 from flightbed.metrics import Metrics, at_stop, measure, snr_db
 from flightbed.models.linear_aircraft import LinearAircraft
-from flightbed.pacing import Clock, paced, punctuality, with_timings
-from flightbed.plan import Plan, plan
 from flightbed.run_summary import (
     Ending,
     ExtensionSummary,

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from flightbed.core.errors import InputError
 from flightbed.core.signals import Sample
-from flightbed.trace import row_packer
+from flightbed.flight.record import row_packer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

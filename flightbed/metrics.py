@@ -13,7 +13,7 @@ import numpy.typing as npt
 from flightbed.core.actuator import Actuator
 from flightbed.core.estimate_names import surface_of
 from flightbed.core.units import DEG
-from flightbed.loop import DEPARTURE_RAD
+from flightbed.flight.loop import DEPARTURE_RAD
 from flightbed.pull_up import PULL_UP_METRICS, command_g, first_pulse, pull_up
 from flightbed.trace import Trace, true_share
 

@@ -7,16 +7,16 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
-from flightbed.assembly import assemble
 from flightbed.config.tracebacks import guarded
 from flightbed.core.files import check_target
 from flightbed.core.signals import Sample
+from flightbed.flight.assembly import assemble
+from flightbed.flight.loop import fly as fly_loop
+from flightbed.flight.pacing import Clock
+from flightbed.flight.plan import Plan, plan
 from flightbed.flight_result import Result, Watch, fly_scenario
 from flightbed.folder import RUN, shown, write_run
 from flightbed.live import Live
-from flightbed.loop import fly as fly_loop
-from flightbed.pacing import Clock
-from flightbed.plan import Plan, plan
 from flightbed.scenario.own_code import named_by
 from flightbed.scenario.tables import Scenario
 from flightbed.telemetry.shown import FlightInfo

@@ -25,8 +25,6 @@ from typing import Any
 
 import numpy as np
 
-from flightbed import loop
-from flightbed.assembly import assemble, sensor_noise
 from flightbed.avionics.onboard import OnBoard
 from flightbed.config.kinds import EstimatorSettings
 from flightbed.config.own_code import using
@@ -34,7 +32,9 @@ from flightbed.config.tracebacks import line_of
 from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.estimation.base import Estimator
-from flightbed.plan import Plan, plan
+from flightbed.flight import loop
+from flightbed.flight.assembly import assemble, sensor_noise
+from flightbed.flight.plan import Plan, plan
 from flightbed.scenario.reading import load_scenario
 from flightbed.trial import FAILS_AT, out_of_range_readings, readings_of_flights
 

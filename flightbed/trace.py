@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from struct import Struct
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,23 +15,19 @@ from flightbed.core.errors import OutputError
 from flightbed.core.estimate_names import surface_of
 from flightbed.core.signals import (
     Estimate,
-    LateralMeasurement,
-    LateralSample,
-    LateralTruth,
     LoadFactorSample,
     Measurement,
     Sample,
     Truth,
 )
 from flightbed.core.units import DEG, FT, unit_of
+from flightbed.flight.record import FLOWN_FIELDS, LATERAL_FIELDS, LEADING, row_packer
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Vector = npt.NDArray[np.float64]
 
-# column -> (field, factor from SI)
-_FLOWN_FIELDS = ("tick", "q_cmd_rad_s", "q_ref_rad_s", "elevator_cmd_rad")
 _FLOWN = {
     "q_cmd_deg_s": ("q_cmd_rad_s", 1 / DEG),
     "q_ref_deg_s": ("q_ref_rad_s", 1 / DEG),
@@ -97,12 +92,6 @@ ACTING, GUST_ALPHA = (
     "elevator_acting_deg",
     "gust_alpha_deg",
 )  # true values of the reconstructed inputs, in flights with such an estimator
-# Fields of a flight with commanded aileron and rudder, after all others.
-_LATERAL_FIELDS = (
-    *(name for name in LateralSample._fields if name not in ("truth", "measurement")),
-    *LateralTruth._fields,
-    *(f"{name}/measured" for name in LateralMeasurement._fields),
-)
 _LATERAL = {
     "p_cmd_deg_s": ("p_cmd_rad_s", 1 / DEG),
     "p_ref_deg_s": ("p_ref_rad_s", 1 / DEG),
@@ -147,16 +136,6 @@ _TRUE_SHARES = {
 def true_share(estimate: str) -> str:
     """Return the column of the true K of an estimate: ``NAME`` estimates the elevator, ``NAME.aileron`` the aileron."""
     return _TRUE_SHARES[surface_of(estimate)]
-
-
-_ROW = (*_FLOWN_FIELDS, *Truth._fields, *Measurement._fields)
-LEADING = len(_FLOWN_FIELDS)  # numbers of a row before Truth, Measurement and Estimates
-
-
-def row_width(estimators: int, *, lateral: bool = False, load_factor: bool = False) -> int:
-    """Return the number of floats in a row of a flight with this number of estimates."""
-    optional = (len(_LATERAL_FIELDS) if lateral else 0) + (len(LoadFactorSample._fields) if load_factor else 0)
-    return len(_ROW) + estimators * len(Estimate._fields) + optional
 
 
 @dataclass(frozen=True)
@@ -232,34 +211,13 @@ def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz:
     return from_rows(rows, estimators=estimators, control_hz=control_hz, lateral=lateral, load_factor=load_factor)
 
 
-def row_packer(estimators: int, *, lateral: bool = False, load_factor: bool = False) -> Callable[[Sample], bytes]:
-    """Return a function that packs a sample with this number of estimates into a row in the layout of ``from_rows``.
-
-    Packing a whole row takes half the time of appending its numbers to a list.
-    """
-    pack = Struct(f"{row_width(estimators, lateral=lateral, load_factor=load_factor)}d").pack
-
-    def row(sample: Sample) -> bytes:
-        tick, q_cmd, q_ref, truth, measurement, estimates, elevator_cmd, lateral_sample, load_factor_sample = sample
-        estimated = chain.from_iterable(estimates)
-        in_g = load_factor_sample if load_factor and load_factor_sample is not None else ()
-        if lateral_sample is None:
-            return pack(tick, q_cmd, q_ref, elevator_cmd, *truth, *measurement, *estimated, *in_g)
-        p_cmd, p_ref, beta_cmd, beta_ref, lateral_truth, lateral_reading, aileron_cmd, rudder_cmd = lateral_sample
-        commands = p_cmd, p_ref, beta_cmd, beta_ref, aileron_cmd, rudder_cmd
-        head = tick, q_cmd, q_ref, elevator_cmd
-        return pack(*head, *truth, *measurement, *estimated, *commands, *lateral_truth, *lateral_reading, *in_g)
-
-    return row
-
-
 def from_rows(
     rows: Vector, *, estimators: Sequence[str], control_hz: int, lateral: bool = False, load_factor: bool = False
 ) -> Trace:
     """Return the trace of consecutive packed rows."""
-    groups = [("", _FLOWN, _FLOWN_FIELDS), ("", _TRUTH, Truth._fields), ("", _MEASURED, Measurement._fields)]
+    groups = [("", _FLOWN, FLOWN_FIELDS), ("", _TRUTH, Truth._fields), ("", _MEASURED, Measurement._fields)]
     groups += [(f"{name}.", _ESTIMATED, Estimate._fields) for name in estimators]
-    groups += [("", _LATERAL, _LATERAL_FIELDS)] if lateral else []
+    groups += [("", _LATERAL, LATERAL_FIELDS)] if lateral else []
     groups += [("", _LOAD_FACTOR, LoadFactorSample._fields)] if load_factor else []
     rows = rows.reshape(-1, sum(len(fields) for _, _, fields in groups))
     columns: dict[str, Vector] = {"t_s": rows[:, 0] / control_hz}

@@ -7,7 +7,6 @@ from math import inf
 
 import numpy as np
 
-from flightbed import loop
 from flightbed.avionics.onboard import OnBoard
 from flightbed.command.base import profile
 from flightbed.command.constant import none
@@ -19,6 +18,7 @@ from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG, FT
 from flightbed.failures.base import healthy
 from flightbed.failures.surface import effectiveness_loss
+from flightbed.flight import loop
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.sensors import Sensors
 

@@ -10,12 +10,12 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 from flightbed import load_scenario, run
-from flightbed.assembly import assemble
 from flightbed.control.base import Gains
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.loop import Flight, fly
-from flightbed.plan import law_of, plan
+from flightbed.flight.assembly import assemble
+from flightbed.flight.loop import Flight, fly
+from flightbed.flight.plan import law_of, plan
 
 GIVEN = ["control.gains={alpha=0.3, q_s=0.8, elevator=-0.3, reference_s=-0.9, integral=-2.0}"]
 SHORT = ["duration_s=6"]

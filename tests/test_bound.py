@@ -10,12 +10,12 @@ import pytest
 from scipy.linalg import expm
 
 from flightbed import load_scenario, run
-from flightbed.assembly import sensor_noise
 from flightbed.avionics import pitch_kernels
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.bound import _bounds, bound, design_models, schedule_models
 from flightbed.core.units import DEG, FT
 from flightbed.estimation.record import estimate_record
+from flightbed.flight.assembly import sensor_noise
 from flightbed.flight_result import Result
 
 

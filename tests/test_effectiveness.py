@@ -135,9 +135,9 @@ def test_the_oracle_and_the_errors_of_the_model_do_what_they_say() -> None:
 
 def test_gusts_have_the_same_sense_in_every_flight() -> None:
     """The air ahead of the nose comes first: a gust that lowers alpha turns the air past the aircraft nose down."""
-    from flightbed.assembly import assemble
     from flightbed.core.signals import HEALTHY
-    from flightbed.plan import plan
+    from flightbed.flight.assembly import assemble
+    from flightbed.flight.plan import plan
     from flightbed.plant.nonlinear import JsbsimPlant
 
     for seed in range(3):

@@ -9,16 +9,16 @@ from math import nan
 import numpy as np
 import pytest
 
-from flightbed.assembly import assemble
 from flightbed.control.proportional import Proportional
 from flightbed.core import data
 from flightbed.core.errors import EstimateError
 from flightbed.core.signals import Estimate, Measurement, Truth
 from flightbed.estimation.loop_gain.estimator import LoopGain
-from flightbed.fused import rows_of
-from flightbed.loop import Flight, fly
+from flightbed.flight.assembly import assemble
+from flightbed.flight.computer import rows_of
+from flightbed.flight.loop import Flight, fly
+from flightbed.flight.plan import plan
 from flightbed.mission import run
-from flightbed.plan import plan
 from flightbed.plant.sensors import Sensors
 from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.reading import load_scenario

@@ -9,21 +9,22 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft.overlay import load_aircraft
-from flightbed.assembly import assemble
 from flightbed.core.errors import EstimateError, ScenarioError
 from flightbed.core.signals import Health, LateralNoise, LateralSample, LateralTruth, Sample
 from flightbed.core.units import DEG
 from flightbed.estimation.two_stage.estimator import TwoStagePitch, TwoStageSurfaces
 from flightbed.event_log import why_departed
+from flightbed.flight.assembly import assemble
+from flightbed.flight.loop import fly
+from flightbed.flight.plan import plan
+from flightbed.flight.record import row_packer, row_width
 from flightbed.flight_result import Result
-from flightbed.loop import fly
 from flightbed.metrics import SETTLING_S, measure
 from flightbed.mission import run
-from flightbed.plan import plan
 from flightbed.plant.sensors import LateralSensors
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.scenario.reading import load_scenario
-from flightbed.trace import collect, from_rows, read_trace, row_packer, row_width, true_share
+from flightbed.trace import collect, from_rows, read_trace, true_share
 from tests.lateral_flight import NAMES, SOON, rolling
 
 
@@ -279,14 +280,14 @@ def test_actuator_failures_need_the_properties_of_the_overlay(monkeypatch: pytes
             "{kind='stuck', at_s=1}]"
         ]
     )
-    monkeypatch.setattr("flightbed.plan.load_flyable", lambda _: replace(f16, properties=named))
+    monkeypatch.setattr("flightbed.flight.plan.load_flyable", lambda _: replace(f16, properties=named))
     with pytest.raises(ScenarioError) as caught:
         plan(scenario)
     assert list(caught.value.problems) == [
         "failures.0.kind: 'stuck' needs properties.rudder_stuck, which the overlay of f16 does not name",
         "failures.1.kind: 'floating' needs properties.aileron_offset_rad, which the overlay of f16 does not name",
     ]
-    monkeypatch.setattr("flightbed.plan.load_flyable", lambda _: replace(f16, lateral={}))
+    monkeypatch.setattr("flightbed.flight.plan.load_flyable", lambda _: replace(f16, lateral={}))
     with pytest.raises(
         ScenarioError, match="lateral.enabled: must be false with the aircraft f16, whose overlay has no"
     ):

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft.overlay import Aircraft
-from flightbed.assembly import assemble
 from flightbed.avionics import lateral_kernels
 from flightbed.avionics.lateral import INPUTS, STATES, LateralDirectional
 from flightbed.core.units import FT, G0
-from flightbed.loop import fly
+from flightbed.flight.assembly import assemble
+from flightbed.flight.loop import fly
+from flightbed.flight.plan import plan
 from flightbed.models.linearize import linearize
 from flightbed.models.reduce import lateral_directional
 from flightbed.models.trim import trim
-from flightbed.plan import plan
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.scenario.reading import load_scenario
 

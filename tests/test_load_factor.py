@@ -9,7 +9,6 @@ import pytest
 
 from flightbed import campaign as campaigns
 from flightbed.aircraft.overlay import Aircraft
-from flightbed.assembly import assemble
 from flightbed.campaign_lead import headline
 from flightbed.campaign_report import campaign_report
 from flightbed.card import run_card
@@ -19,12 +18,13 @@ from flightbed.control.load_factor.design import closed_loop_poles, gain_table
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import ScenarioError
 from flightbed.core.units import FT, G0
+from flightbed.flight.assembly import assemble
+from flightbed.flight.computer import rows_of
+from flightbed.flight.loop import fly
+from flightbed.flight.plan import plan
 from flightbed.flight_result import fly_plan
-from flightbed.fused import rows_of
-from flightbed.loop import fly
 from flightbed.mission import run
 from flightbed.models.envelope import DYNAMIC_PRESSURES_PSF, PSF, pitch_points
-from flightbed.plan import plan
 from flightbed.pull_up import PullUp, command_g, increment_g, pull_up
 from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry.comparing import write_comparison

@@ -14,8 +14,8 @@ from flightbed.control.redesign import PitchWeights, pitch_lq
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.control.stability_margins import lateral_margin, pitch_margins
 from flightbed.core.units import DEG
+from flightbed.flight.plan import plan
 from flightbed.flight_result import fly_plan
-from flightbed.plan import plan
 from flightbed.scenario.reading import load_scenario
 
 

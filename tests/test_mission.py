@@ -16,9 +16,9 @@ import flightbed
 from flightbed.core import data
 from flightbed.core.errors import AircraftError, NoTrimError, OutputError
 from flightbed.core.units import DEG
+from flightbed.flight.plan import plan
 from flightbed.flight_result import Result
 from flightbed.mission import run
-from flightbed.plan import plan
 from flightbed.scenario.reading import load_scenario
 from flightbed.trace import read_trace
 

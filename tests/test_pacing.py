@@ -17,11 +17,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flightbed.analysis.punctuality import Spell, late_spells, punctuality, with_timings
 from flightbed.card import kept_pace, run_card
 from flightbed.config import families
 from flightbed.event_log import events
+from flightbed.flight.pacing import Timing, WallClock, paced
 from flightbed.mission import run
-from flightbed.pacing import Spell, Timing, WallClock, late_spells, paced, punctuality, with_timings
 from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.reading import load_scenario
 from flightbed.trace import Trace, read_trace
@@ -279,8 +280,8 @@ def test_nothing_is_compiled_in_flight(kind: str, more: str) -> None:
         "from flightbed.estimation import following_kernels, input_observer, kernels, loop_gain, pitch_model, retrospective_kernels, rls, surfaces\n"
         "from flightbed.estimation import surfaces_model, two_stage\n"
         "MODULES = (following_kernels, input_observer, kernels, loop_gain, pitch_model, retrospective_kernels, rls, surfaces, surfaces_model, two_stage)\n"
-        "from flightbed.assembly import assemble\nfrom flightbed.plan import plan\n"
-        "from flightbed.loop import fly\n"
+        "from flightbed.flight.assembly import assemble\nfrom flightbed.flight.plan import plan\n"
+        "from flightbed.flight.loop import fly\n"
         "def compiled():\n"
         "    made = {f'{m.__name__}.{n}': len(f.signatures) for m in MODULES for n, f in vars(m).items()\n"
         "            if hasattr(f, 'signatures')}\n"

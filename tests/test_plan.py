@@ -12,9 +12,9 @@ from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import AircraftError, DesignError, ScenarioError
 from flightbed.core.signals import Measurement
 from flightbed.core.units import DEG, FT
+from flightbed.flight.plan import plan
 from flightbed.models.linear_aircraft import LinearAircraft
 from flightbed.models.trim import TrimPoint
-from flightbed.plan import plan
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario.reading import load_scenario
 from tests.command_line import flightbed

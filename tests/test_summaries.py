@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from flightbed.campaign import fly
+from flightbed.flight.pacing import WallClock
 from flightbed.flight_result import Result
 from flightbed.metrics import Metrics
 from flightbed.mission import run
-from flightbed.pacing import WallClock
 from flightbed.run_summary import ExtensionSummary, RunSummary
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import SOON, rolling

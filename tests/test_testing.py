@@ -10,14 +10,15 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from flightbed import assembly, testing
+from flightbed import testing
 from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
 from flightbed.config.kinds import EstimatorSettings
 from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.loop import Flight
-from flightbed.plan import Plan
+from flightbed.flight import assembly
+from flightbed.flight.loop import Flight
+from flightbed.flight.plan import Plan
 from flightbed.testing import ContractError, check_estimator
 
 

@@ -15,7 +15,6 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from measuring import Column, Effort, Table
 
-from flightbed.assembly import sensor_noise
 from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
 from flightbed.config.kinds import EstimatorSettings
@@ -23,8 +22,9 @@ from flightbed.core.signals import Measurement
 from flightbed.core.timing import interleaved, ratios, seconds
 from flightbed.estimation.base import Estimator
 from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig
+from flightbed.flight.assembly import sensor_noise
+from flightbed.flight.plan import Plan, plan
 from flightbed.mission import fly
-from flightbed.plan import Plan, plan
 from flightbed.scenario.reading import load_scenario
 
 from .loop import ESTIMATORS, SCENARIO

@@ -15,12 +15,12 @@ from typing import Any
 
 from measuring import Column, Effort, Table
 
-from flightbed.assembly import assemble
 from flightbed.core.timing import differences, interleaved, ratios, seconds
 from flightbed.core.units import DEG
+from flightbed.flight.assembly import assemble
+from flightbed.flight.loop import Flight
+from flightbed.flight.plan import Plan, plan
 from flightbed.flight_result import collected
-from flightbed.loop import Flight
-from flightbed.plan import Plan, plan
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.trace import Trace

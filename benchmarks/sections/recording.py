@@ -12,15 +12,15 @@ from pathlib import Path
 
 from measuring import Column, Effort, Table
 
-from flightbed.assembly import assemble, sensor_noise
 from flightbed.bound import bound, schedule_models
 from flightbed.core.files import heap_set_aside
 from flightbed.core.timing import differences, interleaved, ratios, seconds
 from flightbed.core.units import DEG
 from flightbed.document.html import render
+from flightbed.flight.assembly import assemble, sensor_noise
+from flightbed.flight.computer import rows_of
 from flightbed.flight_result import Result, fly_plan
 from flightbed.folder import shown
-from flightbed.fused import rows_of
 from flightbed.metrics import measure as metrics_of
 from flightbed.mission import run
 from flightbed.report import run_report

@@ -60,7 +60,9 @@ def constructor_message(error: Exception, extension: families.Permitted) -> str:
 
 def _flight_message(error: Exception, own: Sequence[families.Permitted], control_hz: int) -> str:
     frames = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__)]
-    looping = [f for f, _ in frames if f.f_globals.get("__name__") == "flightbed.loop" and f.f_code.co_name == "fly"]
+    looping = [
+        f for f, _ in frames if f.f_globals.get("__name__") == "flightbed.flight.loop" and f.f_code.co_name == "fly"
+    ]
     tick = looping[0].f_locals.get("tick") if looping else None
     when = "" if tick is None else f" at t = {tick / control_hz:g} s, tick {tick}"
     if found := _own_frame(error, own):

@@ -15,7 +15,7 @@ from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
 from flightbed.event_log import planned_events
 from flightbed.failures.base import ACTUATOR_FAILURES, failure_tick
-from flightbed.plan import Plan
+from flightbed.flight.plan import Plan
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.telemetry.channels import Plot, plots
 from flightbed.trace import Trace

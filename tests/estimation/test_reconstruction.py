@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed.assembly import assemble, sensor_noise
 from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
 from flightbed.core.actuator import Actuator, ActuatorOnBoard
@@ -18,10 +17,11 @@ from flightbed.core.units import DEG
 from flightbed.estimation.reconstruction.elevator import ElevatorReconstruction, ReconstructionConfig
 from flightbed.estimation.reconstruction.methods import WalkSettings
 from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR, OFFSET, STAGGERED
-from flightbed.fused import rows_of
-from flightbed.loop import fly
+from flightbed.flight.assembly import assemble, sensor_noise
+from flightbed.flight.computer import rows_of
+from flightbed.flight.loop import fly
+from flightbed.flight.plan import plan
 from flightbed.mission import run
-from flightbed.plan import plan
 from flightbed.scenario.checks import idle_keys
 from flightbed.scenario.reading import load_scenario
 from flightbed.scenario.tables import Scenario

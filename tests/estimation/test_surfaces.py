@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from flightbed.assembly import assemble
 from flightbed.avionics.lateral_kernels import local_model
 from flightbed.avionics.onboard import OnBoard
 from flightbed.core.errors import ScenarioError
@@ -23,9 +22,10 @@ from flightbed.estimation.two_stage.filter import (
     TwoStageFilter,
     VariableForgetting,
 )
+from flightbed.flight.assembly import assemble
+from flightbed.flight.loop import Flight, fly
+from flightbed.flight.plan import Plan, plan
 from flightbed.flight_result import fly_plan
-from flightbed.loop import Flight, fly
-from flightbed.plan import Plan, plan
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario.reading import load_scenario
@@ -197,7 +197,7 @@ def test_three_surfaces_need_commands_to_them(rolling: Plan) -> None:
 
 
 def flight_noise() -> object:
-    from flightbed.assembly import sensor_noise
+    from flightbed.flight.assembly import sensor_noise
 
     return sensor_noise(load_scenario("elevator-loss"))
 

@@ -13,8 +13,8 @@ from scipy.signal import lfilter
 
 from flightbed.document.document import Claim, Picture, Table
 from flightbed.ensemble import fly_jobs
+from flightbed.flight.plan import plan
 from flightbed.flight_result import fly_plan
-from flightbed.plan import plan
 from flightbed.studies.sillence import printed, setup, tables
 from flightbed.studies.sillence.claims import NEAR, REMOVED, SIGNIFICANT, claims
 from flightbed.studies.sillence.setup import EXPANDING, WINDOW

@@ -17,10 +17,10 @@ import pytest
 
 from flightbed import live as live_module
 from flightbed.core.errors import InputError
+from flightbed.flight.pacing import WallClock
 from flightbed.flight_result import Result
 from flightbed.live import Live, address
 from flightbed.mission import run
-from flightbed.pacing import WallClock
 from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.telemetry import viewer
 from flightbed.telemetry.shown import FlightInfo

@@ -15,6 +15,7 @@ from flightbed.core import data
 from flightbed.core.errors import OutputError
 from flightbed.core.signals import Sample
 from flightbed.core.units import DEG, FT
+from flightbed.flight.record import row_packer
 from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.live import Live
@@ -25,7 +26,6 @@ from flightbed.telemetry.channels import with_room
 from flightbed.telemetry.chase import quaternions
 from flightbed.telemetry.recording import write_recording
 from flightbed.telemetry.shown import FlightInfo
-from flightbed.trace import row_packer
 from tests.flights import ShippedFlight
 from tests.lateral_flight import rolling
 from tests.telemetry.reading import rerun, series, static_text

@@ -22,12 +22,12 @@ from concurrent.futures import Executor
 import numpy as np
 
 from flightbed.aircraft.overlay import Aircraft
-from flightbed.assembly import assemble
 from flightbed.campaign import fly
 from flightbed.core.units import DEG, FT
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
-from flightbed.loop import fly as samples_of
-from flightbed.plan import plan
+from flightbed.flight.assembly import assemble
+from flightbed.flight.loop import fly as samples_of
+from flightbed.flight.plan import plan
 from flightbed.pull_up import COLUMNS, PullUp, command_g, first_pulse, increment_g, pull_up
 from flightbed.scenario.reading import load_scenario
 from flightbed.scenario.tables import Scenario

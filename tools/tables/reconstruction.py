@@ -25,13 +25,13 @@ from concurrent.futures import Executor
 import numpy as np
 from cells import likely
 
-from flightbed.assembly import assemble
 from flightbed.core.timing import spread
 from flightbed.document.document import show
 from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.estimation.base import Commanded, SurfacesEstimator
-from flightbed.loop import fly
-from flightbed.plan import plan
+from flightbed.flight.assembly import assemble
+from flightbed.flight.loop import fly
+from flightbed.flight.plan import plan
 from flightbed.scenario.reading import load_scenario
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import median_interval, share

@@ -6,13 +6,13 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from flightbed.assembly import assemble
 from flightbed.config.own_code import Extension, Packed, carried
 from flightbed.core.signals import Sample
 from flightbed.core.timing import interleaved, seconds
 from flightbed.estimation.base import Commanded
-from flightbed.loop import fly, updater
-from flightbed.plan import Plan, plan
+from flightbed.flight.assembly import assemble
+from flightbed.flight.loop import fly, updater
+from flightbed.flight.plan import Plan, plan
 from flightbed.scenario.tables import Scenario
 
 

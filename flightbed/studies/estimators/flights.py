@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flightbed.assembly import assemble
 from flightbed.core.errors import FlightbedError
-from flightbed.plan import plan
+from flightbed.flight.assembly import assemble
+from flightbed.flight.plan import plan
 from flightbed.scenario.reading import load_scenario
 from flightbed.scenario.tables import Scenario
 from flightbed.studies.estimators.entrants import FIXED, TRUE_K, Entrant, inline

@@ -29,11 +29,11 @@ from flightbed.estimation.base import Estimator, SurfacesEstimator
 from flightbed.estimation.differentiated_rls import DifferentiatedRls
 from flightbed.estimation.loop_gain import estimator as loop_gain
 from flightbed.estimation.loop_gain.estimator import LoopGain
-from flightbed.loop import DEPARTURE_RAD, Flight, invalid_estimate
+from flightbed.flight.loop import DEPARTURE_RAD, Flight, invalid_estimate
+from flightbed.flight.record import LEADING, row_width
 from flightbed.plant import properties
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.plant.sensors import Sensors, readings
-from flightbed.trace import LEADING, row_width
 
 # Indices into the store. The rows have the layout of trace.row_packer.
 _ENDED, _WIDTH, _ROWS, _ERRORS, _ESTIMATORS, _CORRECTING_ESTIMATE, _STATE_FROM, _CORRECTION, _INVALID = range(9)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flightbed import factories
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.avionics.onboard import OnBoard
 from flightbed.command.base import Profile, profile
@@ -23,11 +22,12 @@ from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.core.signals import Health, LateralNoise, SensorNoise
 from flightbed.core.units import DEG, FT, LB
 from flightbed.estimation.base import Estimator, SurfacesEstimator, estimate_names
-from flightbed.lateral import LateralAxes
-from flightbed.load_factor import LoadFactorAxis
-from flightbed.loop import Flight
+from flightbed.failures.base import HealthHistory, healthy
+from flightbed.flight.lateral_axes import LateralAxes
+from flightbed.flight.load_factor_axis import LoadFactorAxis
+from flightbed.flight.loop import Flight
+from flightbed.flight.plan import Plan, law_of, load_factor_law_of
 from flightbed.models.linear_aircraft import LinearAircraft
-from flightbed.plan import Plan, law_of, load_factor_law_of
 from flightbed.plant.base import Plant
 from flightbed.plant.gusts import gusts
 from flightbed.plant.linear import LinearPlant
@@ -56,7 +56,7 @@ def _assembled(plan: Plan) -> Flight:
         design, noise, control_hz, plan.schedule, plan.lateral, lateral_noise, aircraft.actuator, scenario.rates.delay_ticks
     )  # fmt: skip
     onboard = _with_model_errors(onboard, scenario.model_error)
-    health = factories.health_history(scenario)
+    health = health_history(scenario)
     estimators = [families.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators]
     names = names_of(scenario, estimators)
     adaptation = scenario.adaptation
@@ -264,3 +264,11 @@ def _with_model_errors(onboard: OnBoard, error: ModelError) -> OnBoard:
             cm_alpha=error.cm_alpha, cm_q=error.cm_q, cm_delta=error.cm_delta, about_rad=design.alpha_trim_rad
         )
     return dataclasses.replace(onboard, design=dataclasses.replace(design, A=A, b=b), schedule=schedule)
+
+
+def health_history(scenario: Scenario) -> HealthHistory:
+    """Return the health over time from all failures of a scenario, in order of time; of two at once, the later in the file acts."""
+    health: HealthHistory = healthy
+    for failure in sorted(scenario.failures, key=lambda f: f.at_s):
+        health = families.factory("failures", failure.kind)(failure, health, scenario.rates.control_hz)
+    return health

@@ -16,8 +16,8 @@ from flightbed.core.signals import Estimate, LateralMeasurement, LateralSample, 
 from flightbed.core.units import DEG
 from flightbed.estimation.base import Commanded, Estimator, SurfacesEstimator, estimate_names
 from flightbed.failures.base import HealthHistory
-from flightbed.lateral import LateralAxes
-from flightbed.load_factor import LoadFactorAxis
+from flightbed.flight.lateral_axes import LateralAxes
+from flightbed.flight.load_factor_axis import LoadFactorAxis
 from flightbed.plant.base import Plant
 from flightbed.plant.sensors import Sensors
 

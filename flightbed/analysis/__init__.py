@@ -1,0 +1,1 @@
+"""A flight's trace, metrics, bound, events and summary."""

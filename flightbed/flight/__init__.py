@@ -1,0 +1,1 @@
+"""One flight: plan, assembly, loop, flight computer, record and pacing."""
