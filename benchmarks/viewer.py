@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from flightbed import WallClock, load_scenario, run
+from flightbed.analysis.result import Result
 from flightbed.core.timing import differences, interleaved, seconds, spread
-from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.live import HOST, Live
 from flightbed.telemetry import viewer

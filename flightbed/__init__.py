@@ -17,17 +17,17 @@ from flightbed.models.trim import TrimPoint, trim
 
 if TYPE_CHECKING:
     from flightbed.aircraft.overlay import Aircraft, load_aircraft
+    from flightbed.analysis.metrics import Metrics
+    from flightbed.analysis.result import Result
+    from flightbed.analysis.trace import Trace, read_trace
     from flightbed.config.own_code import using
     from flightbed.core.errors import FlightbedError
     from flightbed.core.signals import Estimate, Measurement, Sample, Truth
     from flightbed.flight.pacing import WallClock
-    from flightbed.flight_result import Result
     from flightbed.live import Live
-    from flightbed.metrics import Metrics
     from flightbed.mission import fly, run
     from flightbed.plant.airframe import JsbsimAirframe
     from flightbed.scenario.reading import Scenario, load_scenario
-    from flightbed.trace import Trace, read_trace
 
 __all__ = [
     "Aircraft", "Estimate", "FlightbedError", "JsbsimAirframe", "LinearModel", "Live", "Measurement", "Metrics", "Result", "Sample",
@@ -43,17 +43,17 @@ _LATER = {
     "JsbsimAirframe": "flightbed.plant.airframe",
     "Live": "flightbed.live",
     "Measurement": "flightbed.core.signals",
-    "Metrics": "flightbed.metrics",
-    "Result": "flightbed.flight_result",
+    "Metrics": "flightbed.analysis.metrics",
+    "Result": "flightbed.analysis.result",
     "Sample": "flightbed.core.signals",
     "Scenario": "flightbed.scenario.reading",
-    "Trace": "flightbed.trace",
+    "Trace": "flightbed.analysis.trace",
     "Truth": "flightbed.core.signals",
     "WallClock": "flightbed.flight.pacing",
     "fly": "flightbed.mission",
     "load_aircraft": "flightbed.aircraft.overlay",
     "load_scenario": "flightbed.scenario.reading",
-    "read_trace": "flightbed.trace",
+    "read_trace": "flightbed.analysis.trace",
     "run": "flightbed.mission",
     "using": "flightbed.config.own_code",
 }

@@ -8,13 +8,13 @@ from concurrent.futures import Executor
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
+from flightbed.analysis.result import fly_scenario
 from flightbed.campaign_file import plain
 from flightbed.campaign_flights import Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
 from flightbed.campaign_histories import Histories
 from flightbed.campaign_result import Campaign, worst_of
 from flightbed.campaign_table import Row, passes
 from flightbed.core.errors import FlightbedError, InputError
-from flightbed.flight_result import fly_scenario
 from flightbed.journal import Journal, journal
 from flightbed.parallel.executor import CHUNK, Opener, Work, opener, results
 from flightbed.programme import Programme, scenario_of

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flightbed.analysis.trace import true_share
 from flightbed.campaign_multiples import left_out, of_points
 from flightbed.campaign_result import Campaign
 from flightbed.core.estimate_names import numbered
@@ -17,7 +18,6 @@ from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_dr
 from flightbed.figures import MARGIN, mark_changes
 from flightbed.programme import SHOWN, few
 from flightbed.statistics.histories import PERCENTILES, Ensemble
-from flightbed.trace import true_share
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

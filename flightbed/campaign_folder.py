@@ -7,10 +7,10 @@ from pathlib import Path
 
 import tomli_w
 
+from flightbed.analysis.result import fly_scenario
 from flightbed.campaign_result import Campaign
 from flightbed.campaign_table import Row, write_table
 from flightbed.core.files import to_json
-from flightbed.flight_result import fly_scenario
 from flightbed.histories_file import write_histories
 from flightbed.journal import Journal
 from flightbed.programme import Programme, scenario_of

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from flightbed.analysis.events import failures, gusts
+from flightbed.analysis.summary_text import correction
 from flightbed.campaign_points import axis_words, criteria_words, value_words
 from flightbed.campaign_result import Campaign
 from flightbed.campaign_summary import CampaignSummary, QuantitySummary, ShareSummary, WorstSummary
-from flightbed.card import correction
 from flightbed.document.document import Cell, Section, Table, show
-from flightbed.event_log import failures, gusts
 from flightbed.statistics.intervals import Interval
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flightbed.analysis.trace import true_share
 from flightbed.campaign_points import value_words
 from flightbed.campaign_result import Campaign
 from flightbed.core.estimate_names import numbered
@@ -16,7 +17,6 @@ from flightbed.figures import MARGIN, mark_changes
 from flightbed.programme import MOST_REMEMBERED, SHOWN, few, values_of
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.histories import PERCENTILES, Ensemble
-from flightbed.trace import true_share
 
 _ACROSS = 3  # small figures per row, where the grid does not define it
 _BUCKETS = 200  # intervals of time per figure: 0.08 s each of 16.5 s

@@ -6,20 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flightbed.analysis.pull_up import PULL_UP_METRICS
+from flightbed.analysis.result import Result
+from flightbed.analysis.summary_text import FOLLOWED, flown, outcome
 from flightbed.campaign_ensembles import histories_sections
 from flightbed.campaign_lead import flight_label, lead, median_cell
 from flightbed.campaign_points import points_section
 from flightbed.campaign_result import Campaign
 from flightbed.campaign_summary import CampaignSummary, WorstSummary
-from flightbed.card import FOLLOWED, flown, outcome
 from flightbed.config.own_code import at_hand, permits
 from flightbed.core.estimate_names import numbered
 from flightbed.core.units import unit_of
 from flightbed.document import drawing, palette
 from flightbed.document.document import Cell, Document, Listing, Picture, Section, Table
 from flightbed.figures import pictures
-from flightbed.flight_result import Result
-from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.report import ESTIMATOR_METRICS, rerun_command
 from flightbed.statistics.bootstrap import FEWEST, FEWEST_OF_PERCENTILE, RESAMPLES
 from flightbed.statistics.intervals import Interval

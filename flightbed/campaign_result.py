@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from flightbed.analysis.result import Result
 from flightbed.campaign_summary import CampaignSummary, summarize_campaign
 from flightbed.campaign_table import Quantity, Row, followed, quantity
-from flightbed.flight_result import Result
 from flightbed.programme import Programme
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.scenario.tables import Scenario

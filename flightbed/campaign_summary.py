@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
+from flightbed.analysis.metrics import PHASES, Metrics
+from flightbed.analysis.summary import RunSummary
+from flightbed.analysis.summary_text import FOLLOWED
 from flightbed.campaign_table import Followed, Quantity, Row, departed, followed, passed, quantities, quantity
-from flightbed.card import FOLLOWED
 from flightbed.config.own_code import permits
 from flightbed.core.versions import versions
-from flightbed.metrics import PHASES, Metrics
 from flightbed.programme import Programme, Values
-from flightbed.run_summary import RunSummary
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.settings.campaign import Criterion
 from flightbed.statistics.bootstrap import RESAMPLES

@@ -11,11 +11,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from flightbed.card import FOLLOWED
+from flightbed.analysis.metrics import EstimatorMetrics, Metrics
+from flightbed.analysis.pull_up import PULL_UP_METRICS
+from flightbed.analysis.summary_text import FOLLOWED
 from flightbed.core.units import unit_of
-from flightbed.metrics import EstimatorMetrics, Metrics
 from flightbed.programme import Flight
-from flightbed.pull_up import PULL_UP_METRICS
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.scenario.tables import Scenario
 from flightbed.settings.campaign import Criterion

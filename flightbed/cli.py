@@ -174,7 +174,7 @@ def compare(
         json: Print what comparison.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
-    from flightbed import comparison
+    from flightbed.analysis import comparison
     from flightbed.comparison_folder import COMPARISON, write_comparison
     from flightbed.comparison_report import comparison_report
     from flightbed.core.files import check_target

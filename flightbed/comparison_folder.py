@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from flightbed.comparison import Run, to_dict
+from flightbed.analysis.comparison import Run, to_dict
 from flightbed.core.files import FolderKind, to_json, write_folder
 from flightbed.document.document import Document
 from flightbed.document.html import render

@@ -6,10 +6,10 @@ import shlex
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from flightbed.comparison import Run, differing, metrics_table, same_line
+from flightbed.analysis.comparison import Run, differing, metrics_table, same_line
+from flightbed.analysis.trace import Vector
 from flightbed.document import drawing, palette
 from flightbed.document.document import Document, Picture, Section
-from flightbed.trace import Vector
 
 _ROWS = (
     ("Pitch rate, deg/s", "q_deg_s", "q_ref_deg_s", palette.REFERENCE, "reference"),

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flightbed.analysis.trace import true_share
 from flightbed.core.estimate_names import numbered, of_surface, surface_of
 from flightbed.core.signals import SURFACES
 from flightbed.document import drawing, palette
 from flightbed.statistics.intervals import chi_square_bound
-from flightbed.trace import true_share
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from flightbed.flight_result import Result
+    from flightbed.analysis.result import Result
 
 _NIS_LIMIT = 18.0  # upper end of the axis if the number of predicted readings is unknown; else three times the bound
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.analysis.metrics import PHASES, at_stop
 from flightbed.core.estimate_names import of_surface
 from flightbed.core.units import DEG
 from flightbed.document import drawing
@@ -22,13 +23,12 @@ from flightbed.estimate_figures import (
     reconstruction_names,
     sigma,
 )
-from flightbed.metrics import PHASES, at_stop
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from flightbed.analysis.result import Result
     from flightbed.document.document import Picture
-    from flightbed.flight_result import Result
     from flightbed.scenario.tables import Scenario
 
 Vector = npt.NDArray[np.float64]

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flightbed.card import run_card
-from flightbed.comparison import folder_of
+from flightbed.analysis.comparison import folder_of
+from flightbed.analysis.events import events
+from flightbed.analysis.summary_text import run_card
 from flightbed.core.errors import OutputError
 from flightbed.core.files import FolderKind, heap_set_aside, to_json, write_folder
-from flightbed.event_log import events
 
 if TYPE_CHECKING:
-    from flightbed.flight_result import Result
+    from flightbed.analysis.result import Result
     from flightbed.telemetry.shown import FlightInfo
 
 

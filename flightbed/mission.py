@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
+from flightbed.analysis.result import Result, Watch, fly_scenario
 from flightbed.config.tracebacks import guarded
 from flightbed.core.files import check_target
 from flightbed.core.signals import Sample
@@ -14,7 +15,6 @@ from flightbed.flight.assembly import assemble
 from flightbed.flight.loop import fly as fly_loop
 from flightbed.flight.pacing import Clock
 from flightbed.flight.plan import Plan, plan
-from flightbed.flight_result import Result, Watch, fly_scenario
 from flightbed.folder import RUN, shown, write_run
 from flightbed.live import Live
 from flightbed.scenario.own_code import named_by

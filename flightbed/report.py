@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flightbed.analysis.events import events, failures, gusts
+from flightbed.analysis.metrics import PHASES
+from flightbed.analysis.pull_up import PULL_UP_METRICS
+from flightbed.analysis.summary_text import correction, flown, followed, kept_pace, outcome
+from flightbed.analysis.trace import true_share
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.card import correction, flown, followed, kept_pace, outcome
 from flightbed.config.own_code import at_hand, permits
 from flightbed.core.estimate_names import estimator_of
 from flightbed.document.document import Cell, Document, Listing, Section, Table
-from flightbed.event_log import events, failures, gusts
 from flightbed.figures import pictures
-from flightbed.metrics import PHASES
-from flightbed.pull_up import PULL_UP_METRICS
-from flightbed.trace import true_share
 
 if TYPE_CHECKING:
-    from flightbed.flight_result import Result
+    from flightbed.analysis.result import Result
 
 # metric of an estimator -> (unit, meaning); "the failure" is the first change of K, see metrics.py
 ESTIMATOR_METRICS = MappingProxyType(

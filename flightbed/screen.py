@@ -14,20 +14,20 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from flightbed.card import correction, followed, kept_pace, outcome
+from flightbed.analysis.events import failures
+from flightbed.analysis.metrics import PHASES
+from flightbed.analysis.summary_text import correction, followed, kept_pace, outcome
 from flightbed.document.document import Table as Rows
 from flightbed.document.document import show
-from flightbed.event_log import failures
-from flightbed.metrics import PHASES
 from flightbed.statistics.intervals import Interval
 
 if TYPE_CHECKING:
+    from flightbed.analysis.comparison import Run
+    from flightbed.analysis.metrics import EstimatorMetrics, Metrics
+    from flightbed.analysis.result import Result
+    from flightbed.analysis.summary import RunSummary
     from flightbed.campaign_result import Campaign
-    from flightbed.comparison import Run
     from flightbed.document.document import Document
-    from flightbed.flight_result import Result
-    from flightbed.metrics import EstimatorMetrics, Metrics
-    from flightbed.run_summary import RunSummary
 
 _WIDE = 7  # most columns that a terminal shows with their intervals
 _POINTS = 20  # most points of a campaign with a table on a terminal
@@ -92,7 +92,7 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
 
 def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableType]:
     """Yield the lines on compared runs: metrics, settings that differ, folder."""
-    from flightbed.comparison import differing, metrics_table
+    from flightbed.analysis.comparison import differing, metrics_table
 
     for table in (metrics_table(runs), differing(runs)):
         if not table.rows:

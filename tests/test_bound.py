@@ -10,13 +10,13 @@ import pytest
 from scipy.linalg import expm
 
 from flightbed import load_scenario, run
+from flightbed.analysis.cramer_rao import _bounds, bound, design_models, schedule_models
+from flightbed.analysis.result import Result
 from flightbed.avionics import pitch_kernels
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.bound import _bounds, bound, design_models, schedule_models
 from flightbed.core.units import DEG, FT
 from flightbed.estimation.record import estimate_record
 from flightbed.flight.assembly import sensor_noise
-from flightbed.flight_result import Result
 
 
 def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator) -> None:

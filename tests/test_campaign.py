@@ -16,6 +16,8 @@ import pytest
 from rich.console import Console
 
 from flightbed import campaign as campaigns
+from flightbed.analysis.metrics import EstimatorMetrics
+from flightbed.analysis.seeds import processes
 from flightbed.campaign_flights import HISTORIES
 from flightbed.campaign_folder import finish
 from flightbed.campaign_report import campaign_report
@@ -25,9 +27,7 @@ from flightbed.campaign_table import Quantity, Row, passes
 from flightbed.core.errors import InputError, OutputError
 from flightbed.document import drawing
 from flightbed.document.html import render
-from flightbed.ensemble import processes
 from flightbed.journal import Journal, journal
-from flightbed.metrics import EstimatorMetrics
 from flightbed.mission import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.screen import campaign_lines

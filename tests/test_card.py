@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from flightbed.card import flown, plan_card, run_card
-from flightbed.event_log import events, failures
-from flightbed.metrics import PHASES
+from flightbed.analysis.events import events, failures
+from flightbed.analysis.metrics import PHASES
+from flightbed.analysis.summary import ExtensionSummary
+from flightbed.analysis.summary_text import flown, plan_card, run_card
 from flightbed.mission import run
-from flightbed.run_summary import ExtensionSummary
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import rolling
 

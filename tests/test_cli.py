@@ -117,7 +117,7 @@ def test_an_interrupted_flight_leaves_nothing(
 def test_killed_while_writing_leaves_no_half_run(tmp_path: Path) -> None:
     """kill -9 in the middle of the writing: the folder is not there; a hidden scratch folder may be."""
     code = (
-        "import os, signal, flightbed.trace as t, flightbed\n"
+        "import os, signal, flightbed.analysis.trace as t, flightbed\n"
         "t.Trace.write = lambda *a: os.kill(os.getpid(), signal.SIGKILL)\n"
         "flightbed.run(flightbed.load_scenario('nominal', ['duration_s=0.2']), 'x')"
     )

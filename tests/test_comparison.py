@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed import comparison
+from flightbed.analysis import comparison
 from flightbed.comparison_report import comparison_report
 from flightbed.core.errors import OutputError
 from flightbed.document.html import render

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flightbed import ensemble
+from flightbed.analysis import seeds
+from flightbed.analysis.metrics import Metrics
+from flightbed.analysis.seeds import Flown, Job, fly_chunk, fly_jobs, histories, processes
 from flightbed.core.errors import ScenarioError
 from flightbed.core.versions import versions
-from flightbed.ensemble import Flown, Job, fly_chunk, fly_jobs, histories, processes
-from flightbed.metrics import Metrics
 from flightbed.mission import run
 from flightbed.scenario.reading import Scenario, load_scenario
 from tests.test_journal import backwards
@@ -64,7 +64,7 @@ def test_chunks_threads_and_processes_change_no_bit(
     jobs: list[Job], flown: list[list[Flown]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Five flights in chunks of two, and two; a chunk ends inside the first job and none reaches into the next."""
-    monkeypatch.setattr(ensemble, "CHUNK", 2)
+    monkeypatch.setattr(seeds, "CHUNK", 2)
     done: list[int] = []
     _assert_the_same(fly_jobs(jobs, progress=done.append), flown)
     assert done == [2, 2, 1, 2]
@@ -100,7 +100,7 @@ def test_chunk_borders(runs: int, monkeypatch: pytest.MonkeyPatch) -> None:
         chunks.append(job.runs)
         return [Flown(seed, NOTHING, {}) for seed in range(job.first_seed, job.first_seed + job.runs)]
 
-    monkeypatch.setattr(ensemble, "fly_chunk", flights)
+    monkeypatch.setattr(seeds, "fly_chunk", flights)
     done: list[int] = []
     (found,) = fly_jobs([Job(_scenario(), runs, first_seed=100)], progress=done.append)
     assert [f.seed for f in found] == list(range(100, 100 + runs))
@@ -108,8 +108,8 @@ def test_chunk_borders(runs: int, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_order_is_that_of_the_seeds_not_of_the_finish(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ensemble, "CHUNK", 1)
-    monkeypatch.setattr(ensemble, "fly_chunk", lambda job: [Flown(job.first_seed, NOTHING, {})])
+    monkeypatch.setattr(seeds, "CHUNK", 1)
+    monkeypatch.setattr(seeds, "fly_chunk", lambda job: [Flown(job.first_seed, NOTHING, {})])
 
     jobs = [Job(_scenario(), 4), Job(_scenario(), 3, first_seed=9)]
     found = fly_jobs(jobs, executor=backwards(monkeypatch))

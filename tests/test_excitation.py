@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightbed.excitation import excitation_deg_s2
+from flightbed.analysis.excitation import excitation_deg_s2
 
 
 def test_it_is_the_rms_of_the_last_window(rng: np.random.Generator) -> None:

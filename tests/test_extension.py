@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 
 import flightbed
 from flightbed import cli
+from flightbed.analysis.seeds import Job, fly_jobs, processes
 from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
 from flightbed.config.kinds import EstimatorSettings
@@ -30,7 +31,6 @@ from flightbed.config.options import Options
 from flightbed.config.own_code import at_hand, load, permits, using
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.ensemble import Job, fly_jobs, processes
 from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
 from flightbed.failures.base import HealthHistory
 from flightbed.mission import run

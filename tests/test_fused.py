@@ -9,6 +9,7 @@ from math import nan
 import numpy as np
 import pytest
 
+from flightbed.analysis.trace import Trace, collect, from_rows
 from flightbed.control.proportional import Proportional
 from flightbed.core import data
 from flightbed.core.errors import EstimateError
@@ -22,7 +23,6 @@ from flightbed.mission import run
 from flightbed.plant.sensors import Sensors
 from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.reading import load_scenario
-from flightbed.trace import Trace, collect, from_rows
 from tests.lateral_flight import NAMES, SOON, rolling
 
 RLS = ['estimators.1={name="rls", kind="differentiated-rls"}']

@@ -12,7 +12,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from flightbed import campaign, comparison
+from flightbed import campaign
+from flightbed.analysis import comparison
 from flightbed.comparison_report import comparison_report
 from flightbed.document import palette
 from flightbed.document.html import render

@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft.overlay import load_aircraft
+from flightbed.analysis.events import why_departed
+from flightbed.analysis.metrics import SETTLING_S, measure
+from flightbed.analysis.result import Result
+from flightbed.analysis.trace import collect, from_rows, read_trace, true_share
 from flightbed.core.errors import EstimateError, ScenarioError
 from flightbed.core.signals import Health, LateralNoise, LateralSample, LateralTruth, Sample
 from flightbed.core.units import DEG
 from flightbed.estimation.two_stage.estimator import TwoStagePitch, TwoStageSurfaces
-from flightbed.event_log import why_departed
 from flightbed.flight.assembly import assemble
 from flightbed.flight.loop import fly
 from flightbed.flight.plan import plan
 from flightbed.flight.record import row_packer, row_width
-from flightbed.flight_result import Result
-from flightbed.metrics import SETTLING_S, measure
 from flightbed.mission import run
 from flightbed.plant.sensors import LateralSensors
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.scenario.reading import load_scenario
-from flightbed.trace import collect, from_rows, read_trace, true_share
 from tests.lateral_flight import NAMES, SOON, rolling
 
 

@@ -9,10 +9,13 @@ import pytest
 
 from flightbed import campaign as campaigns
 from flightbed.aircraft.overlay import Aircraft
+from flightbed.analysis.comparison import load_runs
+from flightbed.analysis.pull_up import PullUp, command_g, increment_g, pull_up
+from flightbed.analysis.result import fly_plan
+from flightbed.analysis.summary_text import run_card
+from flightbed.analysis.trace import Trace
 from flightbed.campaign_lead import headline
 from flightbed.campaign_report import campaign_report
-from flightbed.card import run_card
-from flightbed.comparison import load_runs
 from flightbed.comparison_report import comparison_report
 from flightbed.control.load_factor.design import closed_loop_poles, gain_table
 from flightbed.core.atmosphere import standard_air
@@ -22,13 +25,10 @@ from flightbed.flight.assembly import assemble
 from flightbed.flight.computer import rows_of
 from flightbed.flight.loop import fly
 from flightbed.flight.plan import plan
-from flightbed.flight_result import fly_plan
 from flightbed.mission import run
 from flightbed.models.envelope import DYNAMIC_PRESSURES_PSF, PSF, pitch_points
-from flightbed.pull_up import PullUp, command_g, increment_g, pull_up
 from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry.comparing import write_comparison
-from flightbed.trace import Trace
 from tests.telemetry.reading import series
 
 SCHEDULED = ("control.law=nz-scheduled",)

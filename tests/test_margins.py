@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
+from flightbed.analysis.result import fly_plan
 from flightbed.avionics.lateral import LateralDirectional
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.control.base import Gains
@@ -15,7 +16,6 @@ from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.control.stability_margins import lateral_margin, pitch_margins
 from flightbed.core.units import DEG
 from flightbed.flight.plan import plan
-from flightbed.flight_result import fly_plan
 from flightbed.scenario.reading import load_scenario
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightbed.metrics import measure, snr_db
-from flightbed.trace import Trace
+from flightbed.analysis.metrics import measure, snr_db
+from flightbed.analysis.trace import Trace
 
 T = np.arange(1000) / 100
 

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 import flightbed
+from flightbed.analysis.result import Result
+from flightbed.analysis.trace import read_trace
 from flightbed.core import data
 from flightbed.core.errors import AircraftError, NoTrimError, OutputError
 from flightbed.core.units import DEG
 from flightbed.flight.plan import plan
-from flightbed.flight_result import Result
 from flightbed.mission import run
 from flightbed.scenario.reading import load_scenario
-from flightbed.trace import read_trace
 
 CONTRACT_COLUMNS = [
     "t_s",
@@ -358,7 +358,7 @@ def test_a_failed_write_leaves_the_old_run(tmp_path: Path, monkeypatch: pytest.M
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("flightbed.trace.Trace.write", full)
+    monkeypatch.setattr("flightbed.analysis.trace.Trace.write", full)
     with pytest.raises(OutputError, match="cannot be written: No space left on device"):
         run(short, target, rerun=False)
     assert (target / "trace.parquet").read_bytes() == before

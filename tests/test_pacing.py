@@ -17,15 +17,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flightbed.analysis.events import events
 from flightbed.analysis.punctuality import Spell, late_spells, punctuality, with_timings
-from flightbed.card import kept_pace, run_card
+from flightbed.analysis.summary_text import kept_pace, run_card
+from flightbed.analysis.trace import Trace, read_trace
 from flightbed.config import families
-from flightbed.event_log import events
 from flightbed.flight.pacing import Timing, WallClock, paced
 from flightbed.mission import run
 from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.reading import load_scenario
-from flightbed.trace import Trace, read_trace
 from tests.command_line import flightbed
 
 MS = 1_000_000  # ns

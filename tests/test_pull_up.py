@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightbed.pull_up import first_pulse, high_passed, pull_up
+from flightbed.analysis.pull_up import first_pulse, high_passed, pull_up
 
 HZ = 100
 

@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flightbed.analysis.metrics import EstimatorMetrics
+from flightbed.analysis.result import Result
+from flightbed.analysis.trace import Trace
 from flightbed.core import data
 from flightbed.document import drawing, palette
 from flightbed.document.document import Document, Listing, show
 from flightbed.document.html import render
 from flightbed.figures import pictures
-from flightbed.flight_result import Result
-from flightbed.metrics import EstimatorMetrics
 from flightbed.mission import run
 from flightbed.report import ESTIMATOR_METRICS, run_report
 from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import chi_square_bound
-from flightbed.trace import Trace
 from tests.lateral_flight import rolling
 from tests.test_page import assert_self_contained, assert_sound, words
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
+from flightbed.analysis.metrics import Metrics
+from flightbed.analysis.result import Result
+from flightbed.analysis.summary import ExtensionSummary, RunSummary
 from flightbed.campaign import fly
 from flightbed.flight.pacing import WallClock
-from flightbed.flight_result import Result
-from flightbed.metrics import Metrics
 from flightbed.mission import run
-from flightbed.run_summary import ExtensionSummary, RunSummary
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import SOON, rolling
 

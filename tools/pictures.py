@@ -12,7 +12,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from flightbed import comparison, load_scenario, run
+from flightbed import load_scenario, run
+from flightbed.analysis import comparison
 from flightbed.comparison_folder import write_comparison
 from flightbed.comparison_report import comparison_report
 from flightbed.folder import recording_of

@@ -1,7 +1,7 @@
 """Flights per second against workers: ensembles on the linear aircraft and on the F-16, flown and measured as campaigns fly them.
 
 Every worker is given as many flights as the one is, so that none waits for another's last. One worker is this process, as in
-`flightbed.ensemble`; several are fresh processes. They are timed once all of them have flown a flight: what that takes is told apart.
+`flightbed.analysis.seeds`; several are fresh processes. They are timed once all of them have flown a flight: what that takes is told apart.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from threading import Barrier
 
 from measuring import Column, Effort, Table, machine
 
+from flightbed.analysis.seeds import Job, fly_chunk, fly_jobs, processes
 from flightbed.core.timing import interleaved, ratios, seconds
-from flightbed.ensemble import Job, fly_chunk, fly_jobs, processes
 from flightbed.scenario.reading import Scenario, load_scenario
 
 CASES = {"linear aircraft": "thesis-loss", "F-16": "elevator-loss"}

@@ -15,15 +15,15 @@ from typing import Any
 
 from measuring import Column, Effort, Table
 
+from flightbed.analysis.result import collected
+from flightbed.analysis.trace import Trace
 from flightbed.core.timing import differences, interleaved, ratios, seconds
 from flightbed.core.units import DEG
 from flightbed.flight.assembly import assemble
 from flightbed.flight.loop import Flight
 from flightbed.flight.plan import Plan, plan
-from flightbed.flight_result import collected
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.scenario.reading import Scenario, load_scenario
-from flightbed.trace import Trace
 
 SCENARIO = "elevator-loss"
 PLANT_HZ = (200, 100)

@@ -12,16 +12,16 @@ from pathlib import Path
 
 from measuring import Column, Effort, Table
 
-from flightbed.bound import bound, schedule_models
+from flightbed.analysis.cramer_rao import bound, schedule_models
+from flightbed.analysis.metrics import measure as metrics_of
+from flightbed.analysis.result import Result, fly_plan
 from flightbed.core.files import heap_set_aside
 from flightbed.core.timing import differences, interleaved, ratios, seconds
 from flightbed.core.units import DEG
 from flightbed.document.html import render
 from flightbed.flight.assembly import assemble, sensor_noise
 from flightbed.flight.computer import rows_of
-from flightbed.flight_result import Result, fly_plan
 from flightbed.folder import shown
-from flightbed.metrics import measure as metrics_of
 from flightbed.mission import run
 from flightbed.report import run_report
 from flightbed.scenario.reading import load_scenario

@@ -24,9 +24,9 @@ def resident_b() -> int:
 def held(flights: int, overrides: list[str]) -> dict[str, float]:
     """Return memory as things are added: the interpreter, flightbed and a plan, so many measured traces, so many flights put together."""
     memory = {"python": resident_b()}
+    from flightbed.analysis.result import fly_plan
     from flightbed.flight.assembly import assemble
     from flightbed.flight.plan import plan
-    from flightbed.flight_result import fly_plan
     from flightbed.scenario.reading import load_scenario
 
     planned = plan(load_scenario("elevator-loss", overrides))
@@ -50,8 +50,8 @@ def grown(flights: int, overrides: list[str]) -> dict[str, list[int]]:
     """Return memory after the settling, and after each tenth of so many flights of as many seeds, none of which is kept."""
     from dataclasses import replace
 
+    from flightbed.analysis.result import fly_plan
     from flightbed.flight.plan import plan
-    from flightbed.flight_result import fly_plan
     from flightbed.scenario.reading import load_scenario
 
     planned = plan(load_scenario("elevator-loss", overrides))

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.analysis.trace import Trace
 from flightbed.flight.pacing import Timing
-from flightbed.trace import Trace
 
 
 def with_timings(trace: Trace, timings: Sequence[int]) -> Trace:

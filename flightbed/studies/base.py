@@ -10,11 +10,11 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any, Self, TypeVar
 
+from flightbed.analysis.seeds import Flown, Job, fly_jobs, run_jobs
 from flightbed.config.families import factory, in_use, names
 from flightbed.core.errors import InputError
 from flightbed.core.versions import versions
 from flightbed.document.document import Document, Section
-from flightbed.ensemble import Flown, Job, fly_jobs, run_jobs
 from flightbed.parallel.executor import Opener
 
 Key = TypeVar("Key")

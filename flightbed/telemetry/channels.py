@@ -8,11 +8,11 @@ from math import ceil, floor, log10
 
 import numpy as np
 
+from flightbed.analysis.trace import ACTING, GUST_ALPHA, Trace, Vector, true_share
 from flightbed.core.estimate_names import estimate_name, numbered, of_surface
 from flightbed.core.units import unit_of
 from flightbed.document import palette
 from flightbed.statistics.intervals import chi_square_bound
-from flightbed.trace import ACTING, GUST_ALPHA, Trace, Vector, true_share
 
 OVERVIEW, ESTIMATORS, AIRFRAME, ROLL_YAW = "Overview", "Estimators", "Airframe", "Roll and yaw"
 _LOWEST = 1e-4  # lower limit of sigma on a logarithmic axis

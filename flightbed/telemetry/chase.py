@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from flightbed.analysis.trace import Trace, true_share
 from flightbed.core.estimate_names import estimate_name
 from flightbed.core.units import DEG, FT
 from flightbed.document import palette
 from flightbed.telemetry import mesh
 from flightbed.telemetry.layout import TIMELINE
-from flightbed.trace import Trace, true_share
 
 Vector = npt.NDArray[np.float64]
 _TRAIL_TICKS = 10  # length of one piece of the trail

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 import rerun as rr
 
-from flightbed.comparison import Run, same_line
+from flightbed.analysis.comparison import Run, same_line
+from flightbed.analysis.trace import Vector
 from flightbed.core.errors import OutputError
 from flightbed.document import palette
 from flightbed.document.document import Table
@@ -19,7 +20,6 @@ from flightbed.telemetry.channels import AIRFRAME, OVERVIEW, ROLL_YAW, Plot
 from flightbed.telemetry.chase import Aircraft, positions, set_time, time_of
 from flightbed.telemetry.recorder import vertical_lines
 from flightbed.telemetry.recording import APPLICATION
-from flightbed.trace import Vector
 
 SPACING_M = 20.0  # lateral distance between the drawn aircraft
 _STATES = {"healthy": palette.REFERENCE, "failed": palette.FAILURE, "departed": palette.DEPARTED, "over": palette.OTHER}

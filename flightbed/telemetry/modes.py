@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.analysis.metrics import at_stop
+from flightbed.analysis.trace import Trace, true_share
 from flightbed.core.actuator import Actuator
 from flightbed.core.estimate_names import estimate_name
 from flightbed.core.units import DEG
 from flightbed.document import palette
-from flightbed.metrics import at_stop
-from flightbed.trace import Trace, true_share
 
 _SATURATION = {"elevator": "saturation", "aileron": "saturation_aileron", "rudder": "saturation_rudder"}
 _NEAR = 0.99  # share of the rate limit: the mean rate over a tick that starts at the limit is below the limit

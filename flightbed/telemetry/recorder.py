@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from flightbed.analysis.trace import Trace
 from flightbed.core.estimate_names import numbered
 from flightbed.document import palette
 from flightbed.telemetry.channels import Plot
 from flightbed.telemetry.chase import Aircraft, set_time, time_of
 from flightbed.telemetry.modes import lanes, states
 from flightbed.telemetry.shown import Event, FlightInfo
-from flightbed.trace import Trace
 
 Vector = npt.NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import rerun as rr
 
+from flightbed.analysis.trace import Trace
 from flightbed.core.errors import OutputError
 from flightbed.telemetry import layout
 from flightbed.telemetry.channels import with_room
 from flightbed.telemetry.recorder import Recorder
 from flightbed.telemetry.shown import FlightInfo
-from flightbed.trace import Trace
 
 APPLICATION = "flightbed"
 

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, NamedTuple
 
-from flightbed.card import plan_card
+from flightbed.analysis.events import planned_events
+from flightbed.analysis.summary_text import plan_card
+from flightbed.analysis.trace import Trace
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
-from flightbed.event_log import planned_events
 from flightbed.failures.base import ACTUATOR_FAILURES, failure_tick
 from flightbed.flight.plan import Plan
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.telemetry.channels import Plot, plots
-from flightbed.trace import Trace
 
 
 class Event(NamedTuple):

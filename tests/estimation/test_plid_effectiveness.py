@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import freqz, lfilter, ss2tf
 
+from flightbed.analysis.result import fly_plan
 from flightbed.avionics.onboard import OnBoard
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.signals import Estimate, Measurement, SensorNoise
@@ -23,7 +24,6 @@ from flightbed.estimation.plid.factored import FACTORED
 from flightbed.estimation.plid.identify import CONVENTIONAL, Form
 from flightbed.flight.assembly import sensor_noise
 from flightbed.flight.plan import plan
-from flightbed.flight_result import fly_plan
 from flightbed.scenario.reading import load_scenario
 from flightbed.trial import readings_of_flights
 

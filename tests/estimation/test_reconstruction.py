@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flightbed.analysis.trace import Trace, collect, read_trace
 from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
 from flightbed.core.actuator import Actuator, ActuatorOnBoard
@@ -25,7 +26,6 @@ from flightbed.mission import run
 from flightbed.scenario.checks import idle_keys
 from flightbed.scenario.reading import load_scenario
 from flightbed.scenario.tables import Scenario
-from flightbed.trace import Trace, collect, read_trace
 from tests.lateral_flight import rolling
 
 NAMES = ("retrospective", "random-walk")

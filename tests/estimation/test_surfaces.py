@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from flightbed.analysis.result import fly_plan
+from flightbed.analysis.trace import Trace
 from flightbed.avionics.lateral_kernels import local_model
 from flightbed.avionics.onboard import OnBoard
 from flightbed.core.errors import ScenarioError
@@ -25,11 +27,9 @@ from flightbed.estimation.two_stage.filter import (
 from flightbed.flight.assembly import assemble
 from flightbed.flight.loop import Flight, fly
 from flightbed.flight.plan import Plan, plan
-from flightbed.flight_result import fly_plan
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario.reading import load_scenario
-from flightbed.trace import Trace
 
 SURFACES = {"elevator": "two-stage", "aileron": "two-stage.aileron", "rudder": "two-stage.rudder"}
 

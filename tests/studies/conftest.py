@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import pytest
 
+from flightbed.analysis.seeds import Flown, fly_jobs, processes
 from flightbed.document.document import Section
-from flightbed.ensemble import Flown, fly_jobs, processes
 from flightbed.studies.base import Part, distinct_jobs
 from flightbed.studies.sillence import printed, setup, tables
 from flightbed.studies.sillence.claims import claims

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from flightbed.analysis.seeds import fly_jobs
 from flightbed.config import families
 from flightbed.document.document import Section, Table
-from flightbed.ensemble import fly_jobs
 from flightbed.studies.base import Part
 from flightbed.studies.sillence import aircraft, damage, examples, inputs, level, variants
 from flightbed.studies.sillence.study import parts

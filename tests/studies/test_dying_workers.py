@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 
 from flightbed import cli, using
+from flightbed.analysis.seeds import Job, fly_jobs
 from flightbed.config import families
 from flightbed.core.errors import InputError
 from flightbed.document.document import Section
-from flightbed.ensemble import Job, fly_jobs
 from flightbed.parallel.executor import DEATHS, Opener, opener
 from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.studies.base import Study, Trials, keyed, reproduce, run_trials

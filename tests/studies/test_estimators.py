@@ -20,9 +20,9 @@ import pytest
 from scipy.stats import binomtest
 
 from flightbed import cli
+from flightbed.analysis.seeds import Job, fly_jobs
 from flightbed.config import families
 from flightbed.document.document import Document, show
-from flightbed.ensemble import Job, fly_jobs
 from flightbed.scenario.estimates import detectors
 from flightbed.studies.base import Trials, reproduce, run_trials
 from flightbed.studies.estimators import choice, measures, tables

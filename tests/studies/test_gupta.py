@@ -9,8 +9,8 @@ import control
 import numpy as np
 import pytest
 
+from flightbed.analysis.seeds import processes
 from flightbed.document.document import Claim
-from flightbed.ensemble import processes
 from flightbed.estimation.reconstruction.input_model import invariant_zeros
 from flightbed.studies.base import reproduce, run_trials
 from flightbed.studies.gupta import plants, printed, trials

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from flightbed.analysis.result import fly_plan
+from flightbed.analysis.seeds import fly_jobs
 from flightbed.document.document import Claim, Picture, Table
-from flightbed.ensemble import fly_jobs
 from flightbed.flight.plan import plan
-from flightbed.flight_result import fly_plan
 from flightbed.studies.sillence import printed, setup, tables
 from flightbed.studies.sillence.claims import NEAR, REMOVED, SIGNIFICANT, claims
 from flightbed.studies.sillence.setup import EXPANDING, WINDOW

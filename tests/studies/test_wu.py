@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flightbed.analysis.seeds import processes
 from flightbed.config import families
 from flightbed.control.lq import spectral_radius
 from flightbed.document.document import Claim, Picture, Section, Table
-from flightbed.ensemble import processes
 from flightbed.estimation.two_stage.change_test import (
     calibrated_threshold,
     chi_square_threshold,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from flightbed.analysis.seeds import Flown, Job
 from flightbed.document.document import Section, Table
-from flightbed.ensemble import Flown, Job
 from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, Study, keyed_part
 from flightbed.studies.sillence.setup import EXPANDING, thesis

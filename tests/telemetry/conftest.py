@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flightbed.flight_result import Result
+from flightbed.analysis.result import Result
 from flightbed.mission import run
 from flightbed.scenario.reading import load_scenario
 

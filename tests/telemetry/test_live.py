@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 
 from flightbed import live as live_module
+from flightbed.analysis.result import Result
+from flightbed.analysis.trace import from_rows
 from flightbed.core.errors import InputError
 from flightbed.flight.pacing import WallClock
-from flightbed.flight_result import Result
 from flightbed.live import Live, address
 from flightbed.mission import run
 from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.telemetry import viewer
 from flightbed.telemetry.shown import FlightInfo
-from flightbed.trace import from_rows
 from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
 from tests.lateral_flight import NAMES, SOON, rolling
 from tests.telemetry.viewers import needs_viewer

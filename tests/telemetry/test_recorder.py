@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from flightbed.analysis.result import Result
 from flightbed.core import data
 from flightbed.core.errors import OutputError
 from flightbed.core.signals import Sample
 from flightbed.core.units import DEG, FT
 from flightbed.flight.record import row_packer
-from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.live import Live
 from flightbed.mission import run

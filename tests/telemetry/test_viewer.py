@@ -11,9 +11,9 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from flightbed.analysis.result import Result
 from flightbed.core.errors import InputError, OutputError
 from flightbed.document import palette
-from flightbed.flight_result import Result
 from flightbed.folder import shown
 from flightbed.mission import run
 from flightbed.scenario.reading import load_scenario

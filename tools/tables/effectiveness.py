@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from flightbed import Result, load_scenario, run
-from flightbed.metrics import SETTLING_S
+from flightbed.analysis.metrics import SETTLING_S
 from flightbed.scenario.reading import Scenario
 
 RIVALS: dict[str, dict[str, Any]] = {

@@ -14,8 +14,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from flightbed.analysis.seeds import processes
 from flightbed.document.document import Document, Table
-from flightbed.ensemble import processes
 from flightbed.studies.base import reproduce
 from flightbed.studies.estimators.comparison import Comparison
 from flightbed.studies.estimators.flights import Course

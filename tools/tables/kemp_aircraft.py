@@ -22,13 +22,13 @@ from concurrent.futures import Executor
 import numpy as np
 
 from flightbed.aircraft.overlay import Aircraft
+from flightbed.analysis.pull_up import COLUMNS, PullUp, command_g, first_pulse, increment_g, pull_up
+from flightbed.analysis.seeds import Flown, Job, fly_jobs, processes
 from flightbed.campaign import fly
 from flightbed.core.units import DEG, FT
-from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.flight.assembly import assemble
 from flightbed.flight.loop import fly as samples_of
 from flightbed.flight.plan import plan
-from flightbed.pull_up import COLUMNS, PullUp, command_g, first_pulse, increment_g, pull_up
 from flightbed.scenario.reading import load_scenario
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import median_interval, share

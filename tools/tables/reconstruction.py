@@ -25,9 +25,9 @@ from concurrent.futures import Executor
 import numpy as np
 from cells import likely
 
+from flightbed.analysis.seeds import Flown, Job, fly_jobs, processes
 from flightbed.core.timing import spread
 from flightbed.document.document import show
-from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.estimation.base import Commanded, SurfacesEstimator
 from flightbed.flight.assembly import assemble
 from flightbed.flight.loop import fly

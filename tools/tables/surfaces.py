@@ -24,8 +24,8 @@ from concurrent.futures import Executor
 
 import numpy as np
 
+from flightbed.analysis.seeds import Flown, Job, fly_jobs, processes
 from flightbed.document.document import show
-from flightbed.ensemble import Flown, Job, fly_jobs, processes
 from flightbed.estimation.two_stage.change_test import chi_square_threshold
 from flightbed.scenario.reading import load_scenario
 from flightbed.scenario.tables import Scenario

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from cells import likely
 
-from flightbed.flight_result import Result
-from flightbed.metrics import EstimatorMetrics, Metrics
+from flightbed.analysis.metrics import EstimatorMetrics, Metrics
+from flightbed.analysis.result import Result
 from flightbed.mission import run
 from flightbed.scenario.reading import load_scenario
 

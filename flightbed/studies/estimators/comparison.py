@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from flightbed.ensemble import Job
+from flightbed.analysis.seeds import Job
+from flightbed.analysis.trace import true_share
 from flightbed.scenario.own_code import named_by
 from flightbed.studies.base import Trials
 from flightbed.studies.estimators.cost import round_us
 from flightbed.studies.estimators.entrants import ENTRANTS, FIXED, Entrant
 from flightbed.studies.estimators.flights import FLIGHTS, Course, Flight
-from flightbed.trace import true_share
 
 Key = tuple[str, ...]
 Unfit = Mapping[tuple[str, str], str]  # (flight, estimator) -> the error that refuses it there

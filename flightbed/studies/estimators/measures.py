@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.ensemble import Flown
-from flightbed.metrics import BAND, SETTLING_S
+from flightbed.analysis.metrics import BAND, SETTLING_S
+from flightbed.analysis.seeds import Flown
+from flightbed.analysis.trace import true_share
 from flightbed.studies.estimators.comparison import CORRECTED, COST, TOGETHER, Comparison, Key, Unfit
 from flightbed.studies.estimators.comparison import HEALTHY as WITHOUT_FAILURE
 from flightbed.studies.estimators.entrants import CHANGED, FIXED, HEALTHY, TRUE_K, UNDECLARED, Entrant
 from flightbed.studies.estimators.flights import Flight
-from flightbed.trace import true_share
 
 Vector = npt.NDArray[np.float64]
 Values = list[float | None]  # one per flight, in the order of the seeds; infinite: never; None: the flight ended before

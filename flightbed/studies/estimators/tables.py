@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import inf
 from statistics import median
 
+from flightbed.analysis.metrics import SETTLING_S
 from flightbed.core.timing import spread
 from flightbed.document.document import Cell, Table, show
-from flightbed.metrics import SETTLING_S
 from flightbed.statistics.intervals import Interval, median_interval, share
 from flightbed.studies.estimators.entrants import CHANGED, FIXED, HEALTHY, TRUE_K, UNEXPLAINED, Entrant
 from flightbed.studies.estimators.flights import Flight

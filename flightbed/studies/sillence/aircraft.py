@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flightbed.analysis.seeds import Flown, Job, histories
 from flightbed.core import data
 from flightbed.document import drawing
 from flightbed.document.document import Cell, Picture, Section, Table
-from flightbed.ensemble import Flown, Job, histories
 from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.statistics.intervals import outcome, spread
 from flightbed.studies.base import Part, keyed_part

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from flightbed.analysis.seeds import Flown, Job
 from flightbed.document.document import Claim, Section, Table
-from flightbed.ensemble import Flown, Job
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import median_interval, spread
 from flightbed.studies.base import Part, keyed_part

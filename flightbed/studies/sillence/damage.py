@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+from flightbed.analysis.seeds import Flown, Job
 from flightbed.document.document import Cell, Section, Table
-from flightbed.ensemble import Flown, Job
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import Spread, share, spread
 from flightbed.studies.base import Part, keyed_part

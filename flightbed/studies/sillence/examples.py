@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.analysis.seeds import Flown, Job
 from flightbed.avionics.short_period import zero_order_hold
 from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
 from flightbed.core.units import DEG
 from flightbed.document.document import Section, Table
-from flightbed.ensemble import Flown, Job
 from flightbed.estimation.record import batch_estimate, estimate_record
 from flightbed.estimation.regression import difference_noise_covariance, least_squares
 from flightbed.estimation.sinusoids import phasor, second_order, transfer_function

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flightbed.analysis.seeds import Flown, Job
 from flightbed.avionics.short_period import zero_order_hold
 from flightbed.control.design import reference_gain
 from flightbed.document import drawing
 from flightbed.document.document import Picture, Section
-from flightbed.ensemble import Flown, Job
 from flightbed.models.linear_aircraft import load_linear_aircraft
 from flightbed.studies.base import Flights, Part
 from flightbed.studies.sillence import plots, printed

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flightbed.analysis.seeds import Flown
 from flightbed.document import drawing
-from flightbed.ensemble import Flown
 from flightbed.scenario.reading import Scenario
 from flightbed.studies.sillence import plots, printed, setup
 from flightbed.studies.sillence.measures import SETTLED_S, peak, tracking

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from flightbed.analysis.seeds import Flown, Job
 from flightbed.command.base import energy
 from flightbed.config import families
 from flightbed.document import drawing
 from flightbed.document.document import Cell, Picture, Section, Table
-from flightbed.ensemble import Flown, Job
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import spread
 from flightbed.studies.base import Part, keyed_part

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from flightbed.analysis.punctuality import Punctuality
+from flightbed.analysis.result import fly_scenario
+from flightbed.analysis.seeds import Flown, Job
 from flightbed.document import drawing
 from flightbed.document.document import Cell, Picture, Section, Table
-from flightbed.ensemble import Flown, Job
 from flightbed.flight.pacing import WallClock
-from flightbed.flight_result import fly_scenario
 from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import share, spread
 from flightbed.studies.base import Flights, Part, keyed_part

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flightbed.ensemble import Flown
+from flightbed.analysis.seeds import Flown
 from flightbed.statistics.intervals import Vector
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.plots import TIME

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.analysis.seeds import Flown
 from flightbed.document import drawing
-from flightbed.ensemble import Flown
 from flightbed.scenario.reading import Scenario
 from flightbed.studies.sillence import printed
 

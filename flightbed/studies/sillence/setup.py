@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flightbed.analysis.seeds import Flown, Job
 from flightbed.core import data
 from flightbed.document.document import Section, Table
-from flightbed.ensemble import Flown, Job
 from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.statistics.intervals import Interval, Vector
 from flightbed.studies.base import Part, keyed_part

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from flightbed.analysis.metrics import snr_db
+from flightbed.analysis.seeds import Flown, Job
 from flightbed.config.kinds import GainSettings
 from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
 from flightbed.document.document import Section, Table, show
-from flightbed.ensemble import Flown, Job
-from flightbed.metrics import snr_db
 from flightbed.models.linear_aircraft import load_linear_aircraft
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.intervals import rank, spread

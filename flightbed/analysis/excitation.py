@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flightbed.trace import Trace, Vector
+from flightbed.analysis.trace import Trace, Vector
 
 WINDOW_S = 0.3  # the thesis's window
 

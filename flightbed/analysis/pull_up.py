@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from flightbed.trace import Vector
+from flightbed.analysis.trace import Vector
 
 COLUMNS = (
     "t_s", "nz_g", "theta_deg", "phi_deg", "nz_cmd_g", "theta_meas_deg", "phi_meas_deg", "elevator_cmd_deg",

@@ -13,16 +13,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightbed.card import outcome
+from flightbed.analysis.metrics import SETTLING_S, EstimatorMetrics
+from flightbed.analysis.summary import RunSummary
+from flightbed.analysis.summary_text import outcome
+from flightbed.analysis.trace import Trace, Vector, read_trace
 from flightbed.core.errors import FlightbedError, OutputError
 from flightbed.core.estimate_names import estimate_name
 from flightbed.document import palette
 from flightbed.document.document import Cell, Table
-from flightbed.metrics import SETTLING_S, EstimatorMetrics
-from flightbed.run_summary import RunSummary
 from flightbed.scenario.checks import idle_keys
 from flightbed.scenario.reading import load_scenario
-from flightbed.trace import Trace, Vector, read_trace
 
 # heading, with its unit -> value
 _FLIGHT: Mapping[str, Callable[[RunSummary], float | None]] = {

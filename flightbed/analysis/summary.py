@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
+from flightbed.analysis.metrics import EstimatorMetrics, Metrics
 from flightbed.analysis.punctuality import Punctuality, Spread
 from flightbed.control.base import Gains
-from flightbed.metrics import EstimatorMetrics, Metrics
 
 T = TypeVar("T")
 Ending = Literal["departed", "ground", "time"]

@@ -10,12 +10,12 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.analysis.pull_up import PULL_UP_METRICS, command_g, first_pulse, pull_up
+from flightbed.analysis.trace import Trace, true_share
 from flightbed.core.actuator import Actuator
 from flightbed.core.estimate_names import surface_of
 from flightbed.core.units import DEG
 from flightbed.flight.loop import DEPARTURE_RAD
-from flightbed.pull_up import PULL_UP_METRICS, command_g, first_pulse, pull_up
-from flightbed.trace import Trace, true_share
 
 Vector = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from flightbed.analysis.events import failures, gusts, milliseconds
+from flightbed.analysis.metrics import PHASES
 from flightbed.analysis.punctuality import Punctuality
+from flightbed.analysis.summary import RunSummary
 from flightbed.config import families
 from flightbed.config.kinds import Command, RollCommand, SideslipCommand
 from flightbed.core.units import unit_of
-from flightbed.event_log import failures, gusts, milliseconds
-from flightbed.metrics import PHASES
-from flightbed.run_summary import RunSummary
 from flightbed.scenario.checks import idle_keys
 from flightbed.scenario.tables import Scenario
 

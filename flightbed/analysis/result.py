@@ -14,26 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from flightbed.analysis.cramer_rao import bound, design_models, schedule_models
+from flightbed.analysis.excitation import with_excitation
+from flightbed.analysis.metrics import Metrics, at_stop, measure, snr_db
 from flightbed.analysis.punctuality import punctuality, with_timings
-from flightbed.bound import bound, design_models, schedule_models
-from flightbed.config.tracebacks import watched
-from flightbed.control.stability_margins import lateral_margin
-from flightbed.core.errors import ExtensionError
-from flightbed.core.signals import Sample
-from flightbed.core.units import DEG
-from flightbed.core.versions import versions
-from flightbed.estimation.base import estimate_names
-from flightbed.excitation import with_excitation
-from flightbed.failures.base import failure_tick
-from flightbed.flight.assembly import assemble, names_of, sensor_noise
-from flightbed.flight.computer import ready, rows_of
-from flightbed.flight.loop import Flight
-from flightbed.flight.loop import fly as fly_loop
-from flightbed.flight.pacing import Clock, paced
-from flightbed.flight.plan import Plan, plan
-from flightbed.metrics import Metrics, at_stop, measure, snr_db
-from flightbed.models.linear_aircraft import LinearAircraft
-from flightbed.run_summary import (
+from flightbed.analysis.summary import (
     Ending,
     ExtensionSummary,
     MarginSummary,
@@ -41,9 +26,24 @@ from flightbed.run_summary import (
     ShortPeriodSummary,
     TrimSummary,
 )
+from flightbed.analysis.trace import Trace, collect, from_rows
+from flightbed.config.tracebacks import watched
+from flightbed.control.stability_margins import lateral_margin
+from flightbed.core.errors import ExtensionError
+from flightbed.core.signals import Sample
+from flightbed.core.units import DEG
+from flightbed.core.versions import versions
+from flightbed.estimation.base import estimate_names
+from flightbed.failures.base import failure_tick
+from flightbed.flight.assembly import assemble, names_of, sensor_noise
+from flightbed.flight.computer import ready, rows_of
+from flightbed.flight.loop import Flight
+from flightbed.flight.loop import fly as fly_loop
+from flightbed.flight.pacing import Clock, paced
+from flightbed.flight.plan import Plan, plan
+from flightbed.models.linear_aircraft import LinearAircraft
 from flightbed.scenario.own_code import named_by
 from flightbed.scenario.tables import Scenario
-from flightbed.trace import Trace, collect, from_rows
 
 Watch = Callable[[Iterator[Sample]], Iterator[Sample]]  # yields the samples unchanged
 

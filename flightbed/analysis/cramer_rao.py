@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from flightbed.analysis.trace import Trace
 from flightbed.avionics.pitch_kernels import local_models
 from flightbed.avionics.schedule import Schedule
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.signals import SensorNoise
 from flightbed.core.units import DEG, FT
-from flightbed.trace import Trace
 
 
 @compiled

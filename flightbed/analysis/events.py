@@ -6,16 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from flightbed.analysis.metrics import at_stop, since_s
 from flightbed.analysis.punctuality import Spell, late_spells
+from flightbed.analysis.summary import RunSummary
+from flightbed.analysis.trace import Trace, true_share
 from flightbed.config.kinds import Failure, GustSettings
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
 from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR
 from flightbed.flight.loop import DEPARTURE_RAD
-from flightbed.metrics import at_stop, since_s
-from flightbed.run_summary import RunSummary
 from flightbed.scenario.tables import Scenario
-from flightbed.trace import Trace, true_share
 
 _MANY = 10  # spells of late ticks that the event log lists one by one
 
