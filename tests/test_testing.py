@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from flightbed import testing
 from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
 from flightbed.config.kinds import EstimatorSettings
@@ -19,7 +18,8 @@ from flightbed.core.signals import Estimate, Measurement
 from flightbed.flight import assembly
 from flightbed.flight.loop import Flight
 from flightbed.flight.plan import Plan
-from flightbed.testing import ContractError, check_estimator
+from flightbed.testing import check as testing
+from flightbed.testing.check import ContractError, check_estimator
 
 
 class Sound:

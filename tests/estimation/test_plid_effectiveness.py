@@ -25,7 +25,7 @@ from flightbed.estimation.plid.identify import CONVENTIONAL, Form
 from flightbed.flight.assembly import sensor_noise
 from flightbed.flight.plan import plan
 from flightbed.scenario.reading import load_scenario
-from flightbed.trial import readings_of_flights
+from flightbed.testing.readings import readings_of_flights
 
 SILENT, NOISY = SensorNoise(0.03 * DEG, 1e-7 * DEG), SensorNoise(0.03 * DEG, 0.1108 * DEG)
 

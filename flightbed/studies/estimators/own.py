@@ -14,7 +14,7 @@ from flightbed.config.reading import frozen, problems, read_toml
 from flightbed.core.errors import InputError, ScenarioError
 from flightbed.studies.estimators.comparison import Comparison
 from flightbed.studies.estimators.entrants import UNDECLARED, Entrant
-from flightbed.testing import ContractError, check_estimator
+from flightbed.testing.check import ContractError, check_estimator
 
 OWN = "user's own estimator"
 _UNSAID = "-"

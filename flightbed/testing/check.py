@@ -36,7 +36,7 @@ from flightbed.flight import loop
 from flightbed.flight.assembly import assemble, sensor_noise
 from flightbed.flight.plan import Plan, plan
 from flightbed.scenario.reading import load_scenario
-from flightbed.trial import FAILS_AT, out_of_range_readings, readings_of_flights
+from flightbed.testing.readings import FAILS_AT, out_of_range_readings, readings_of_flights
 
 Factory = Callable[[EstimatorSettings, OnBoard], Estimator]
 
@@ -368,7 +368,7 @@ def _times(new: Callable[[], Estimator], readings: Sequence[Measurement]) -> np.
 
 def _place(error: BaseException) -> str:
     """Return "file:line " of the innermost frame outside flightbed; nothing if there is none."""
-    here = str(Path(__file__).parent)
+    here = str(Path(__file__).resolve().parents[1])
     frames = [(f.f_code.co_filename, line) for f, line in traceback.walk_tb(error.__traceback__)]
     outside = [(file, line) for file, line in frames if not file.startswith(here)]
     return f"{Path(outside[-1][0]).name}:{outside[-1][1]} " if outside else ""
