@@ -15,8 +15,8 @@ from flightbed.core.estimate_names import numbered
 from flightbed.document import drawing, palette
 from flightbed.document.document import Picture, Section
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
-from flightbed.figures import MARGIN, mark_changes
 from flightbed.programme import SHOWN, few
+from flightbed.report.figures import MARGIN, mark_changes
 from flightbed.statistics.histories import PERCENTILES, Ensemble
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from flightbed.core.estimate_names import numbered
 from flightbed.document import drawing, palette
 from flightbed.document.document import Picture
 from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
-from flightbed.figures import MARGIN, mark_changes
 from flightbed.programme import MOST_REMEMBERED, SHOWN, few, values_of
+from flightbed.report.figures import MARGIN, mark_changes
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.histories import PERCENTILES, Ensemble
 

@@ -19,8 +19,8 @@ from flightbed.core.estimate_names import numbered
 from flightbed.core.units import unit_of
 from flightbed.document import drawing, palette
 from flightbed.document.document import Cell, Document, Listing, Picture, Section, Table
-from flightbed.figures import pictures
-from flightbed.report import ESTIMATOR_METRICS, rerun_command
+from flightbed.report.figures import pictures
+from flightbed.report.flight_report import ESTIMATOR_METRICS, rerun_command
 from flightbed.statistics.bootstrap import FEWEST, FEWEST_OF_PERCENTILE, RESAMPLES
 from flightbed.statistics.intervals import Interval
 

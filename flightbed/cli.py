@@ -176,8 +176,8 @@ def compare(
     """
     from flightbed.analysis import comparison
     from flightbed.comparison_folder import COMPARISON, write_comparison
-    from flightbed.comparison_report import comparison_report
     from flightbed.core.files import check_target
+    from flightbed.report.comparison_report import comparison_report
 
     read = comparison.load_runs(runs)
     place = out if out is not None else Path("comparisons") / comparison.short_name(read)

@@ -51,7 +51,7 @@ def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replac
 def _page(result: Result) -> str:
     with heap_set_aside():  # drawing creates many objects: garbage collection would double its time
         from flightbed.document.html import render
-        from flightbed.report import run_report  # slow to import
+        from flightbed.report.flight_report import run_report  # slow to import
 
         return render(run_report(result))
 

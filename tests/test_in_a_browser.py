@@ -14,10 +14,10 @@ import pytest
 
 from flightbed import campaign
 from flightbed.analysis import comparison
-from flightbed.comparison_report import comparison_report
 from flightbed.document import palette
 from flightbed.document.html import render
 from flightbed.mission import run
+from flightbed.report.comparison_report import comparison_report
 from flightbed.scenario.reading import load_scenario
 
 _BROWSER = next(

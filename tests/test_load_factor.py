@@ -16,7 +16,6 @@ from flightbed.analysis.summary_text import run_card
 from flightbed.analysis.trace import Trace
 from flightbed.campaign_lead import headline
 from flightbed.campaign_report import campaign_report
-from flightbed.comparison_report import comparison_report
 from flightbed.control.load_factor.design import closed_loop_poles, gain_table
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import ScenarioError
@@ -27,6 +26,7 @@ from flightbed.flight.loop import fly
 from flightbed.flight.plan import plan
 from flightbed.mission import run
 from flightbed.models.envelope import DYNAMIC_PRESSURES_PSF, PSF, pitch_points
+from flightbed.report.comparison_report import comparison_report
 from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry.comparing import write_comparison
 from tests.telemetry.reading import series

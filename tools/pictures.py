@@ -15,8 +15,8 @@ from pathlib import Path
 from flightbed import load_scenario, run
 from flightbed.analysis import comparison
 from flightbed.comparison_folder import write_comparison
-from flightbed.comparison_report import comparison_report
 from flightbed.folder import recording_of
+from flightbed.report.comparison_report import comparison_report
 from flightbed.telemetry import viewer
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"

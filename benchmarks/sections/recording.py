@@ -23,7 +23,7 @@ from flightbed.flight.assembly import assemble, sensor_noise
 from flightbed.flight.computer import rows_of
 from flightbed.folder import shown
 from flightbed.mission import run
-from flightbed.report import run_report
+from flightbed.report.flight_report import run_report
 from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry.recording import write_recording
 

@@ -18,7 +18,7 @@ from flightbed.avionics.short_period import ShortPeriod
 from flightbed.config.own_code import at_hand, permits
 from flightbed.core.estimate_names import estimator_of
 from flightbed.document.document import Cell, Document, Listing, Section, Table
-from flightbed.figures import pictures
+from flightbed.report.figures import pictures
 
 if TYPE_CHECKING:
     from flightbed.analysis.result import Result

@@ -13,7 +13,7 @@ from flightbed.analysis.metrics import PHASES, at_stop
 from flightbed.core.estimate_names import of_surface
 from flightbed.core.units import DEG
 from flightbed.document import drawing
-from flightbed.estimate_figures import (
+from flightbed.report.estimate_figures import (
     effectiveness,
     estimated_surfaces,
     estimates_with,
