@@ -23,9 +23,9 @@ import numpy as np
 from flightbed import WallClock, load_scenario, run
 from flightbed.analysis.result import Result
 from flightbed.core.timing import differences, interleaved, seconds, spread
-from flightbed.folder import shown
-from flightbed.live import HOST, Live
 from flightbed.telemetry import viewer
+from flightbed.telemetry.flight_info import result_info
+from flightbed.telemetry.live import HOST, Live
 from flightbed.telemetry.recording import write_recording
 
 _LONG = ["duration_s=600", "command.count=1000", "failures.0.at_s=300", "failures.0.to=0.9"]
@@ -76,7 +76,7 @@ def recordings() -> None:
 
 
 def _record(result: Result, path: Path) -> None:
-    write_recording(path, result.trace, shown(result))
+    write_recording(path, result.trace, result_info(result))
 
 
 def handing_over() -> None:

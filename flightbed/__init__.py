@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from flightbed.core.errors import FlightbedError
     from flightbed.core.signals import Estimate, Measurement, Sample, Truth
     from flightbed.flight.pacing import WallClock
-    from flightbed.live import Live
     from flightbed.mission import fly, run
     from flightbed.plant.airframe import JsbsimAirframe
     from flightbed.scenario.reading import Scenario, load_scenario
+    from flightbed.telemetry.live import Live
 
 __all__ = [
     "Aircraft", "Estimate", "FlightbedError", "JsbsimAirframe", "LinearModel", "Live", "Measurement", "Metrics", "Result", "Sample",
@@ -41,7 +41,7 @@ _LATER = {
     "Estimate": "flightbed.core.signals",
     "FlightbedError": "flightbed.core.errors",
     "JsbsimAirframe": "flightbed.plant.airframe",
-    "Live": "flightbed.live",
+    "Live": "flightbed.telemetry.live",
     "Measurement": "flightbed.core.signals",
     "Metrics": "flightbed.analysis.metrics",
     "Result": "flightbed.analysis.result",

@@ -101,10 +101,10 @@ def run(
     """
     from flightbed.config.own_code import using
     from flightbed.flight.pacing import WallClock
-    from flightbed.live import Live, address
     from flightbed.mission import run as fly
     from flightbed.scenario.own_code import check_named
     from flightbed.scenario.reading import load_scenario
+    from flightbed.telemetry.live import Live, address
 
     if viewer is not None and rerun != "live":
         raise InputError(f"--viewer {viewer}: has no effect without --rerun live")

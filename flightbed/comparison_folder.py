@@ -9,7 +9,7 @@ from flightbed.analysis.comparison import Run, to_dict
 from flightbed.core.files import FolderKind, to_json, write_folder
 from flightbed.document.document import Document
 from flightbed.document.html import render
-from flightbed.telemetry.comparing import write_comparison as record
+from flightbed.telemetry.comparison import write_comparison as record
 
 COMPARISON = FolderKind("comparison", frozenset({"comparison.rrd", "comparison.json", "report.html"}))
 

@@ -6,14 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flightbed.analysis.comparison import folder_of
-from flightbed.analysis.events import events
-from flightbed.analysis.summary_text import run_card
 from flightbed.core.errors import OutputError
 from flightbed.core.files import FolderKind, heap_set_aside, to_json, write_folder
+from flightbed.telemetry.flight_info import result_info
 
 if TYPE_CHECKING:
     from flightbed.analysis.result import Result
-    from flightbed.telemetry.shown import FlightInfo
 
 
 RUN = FolderKind("run", frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"}))
@@ -59,21 +57,7 @@ def _page(result: Result) -> str:
 def _record(result: Result, path: Path) -> None:
     from flightbed.telemetry.recording import write_recording  # slow to import
 
-    write_recording(path, result.trace, shown(result))
-
-
-def shown(result: Result) -> FlightInfo:
-    """Return the information on a finished flight that the viewer shows."""
-    scenario, summary = result.plan.scenario, result.summary
-    happened = events(scenario, result.trace, summary, result.plan.actuators)
-    measured = result.metrics.estimators
-    readings = {name: m.nis_expected for name, m in measured.items() if m.nis_expected is not None}
-    return FlightInfo.of(result.plan, readings=readings).with_result(
-        run_card(scenario, summary),
-        happened,
-        departed=result.metrics.departed,
-        alarmed=[name for name in measured if result.trace[f"{name}.alarms"].max() > 0.0],
-    )
+    write_recording(path, result.trace, result_info(result))
 
 
 def recording_of(folder: str | Path) -> Path:

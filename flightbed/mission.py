@@ -15,11 +15,11 @@ from flightbed.flight.assembly import assemble
 from flightbed.flight.loop import fly as fly_loop
 from flightbed.flight.pacing import Clock
 from flightbed.flight.plan import Plan, plan
-from flightbed.folder import RUN, shown, write_run
-from flightbed.live import Live
+from flightbed.folder import RUN, write_run
 from flightbed.scenario.own_code import named_by
 from flightbed.scenario.tables import Scenario
-from flightbed.telemetry.shown import FlightInfo
+from flightbed.telemetry.flight_info import FlightInfo, result_info
+from flightbed.telemetry.live import Live
 
 
 def fly(scenario: Scenario) -> Iterator[Sample]:
@@ -73,7 +73,7 @@ def run(
                 result, folder=write_run(result, target, rerun=rerun, report=report, replace=replace)
             )
         if live is not None:
-            live.finish(shown(result))
+            live.finish(result_info(result))
     finally:
         if live is not None:
             live.close()

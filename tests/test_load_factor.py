@@ -28,7 +28,7 @@ from flightbed.mission import run
 from flightbed.models.envelope import DYNAMIC_PRESSURES_PSF, PSF, pitch_points
 from flightbed.report.comparison_report import comparison_report
 from flightbed.scenario.reading import load_scenario
-from flightbed.telemetry.comparing import write_comparison
+from flightbed.telemetry.comparison import write_comparison
 from tests.telemetry.reading import series
 
 SCHEDULED = ("control.law=nz-scheduled",)

@@ -21,10 +21,10 @@ from flightbed.core.units import DEG
 from flightbed.document.html import render
 from flightbed.flight.assembly import assemble, sensor_noise
 from flightbed.flight.computer import rows_of
-from flightbed.folder import shown
 from flightbed.mission import run
 from flightbed.report.flight_report import run_report
 from flightbed.scenario.reading import load_scenario
+from flightbed.telemetry.flight_info import result_info
 from flightbed.telemetry.recording import write_recording
 
 from .loop import SCENARIO, into_trace
@@ -47,7 +47,7 @@ def measure(effort: Effort) -> list[Table]:
             "metrics": lambda: _alone(lambda: _metrics(result)),
             "Cramer-Rao bound": lambda: _alone(lambda: _bound(result)),
             _PARQUET: lambda: seconds(lambda: trace.write(folder / _PARQUET)),
-            _RRD: lambda: seconds(lambda: write_recording(folder / _RRD, trace, shown(result))),
+            _RRD: lambda: seconds(lambda: write_recording(folder / _RRD, trace, result_info(result))),
             _REPORT: lambda: seconds(lambda: _report(result, folder / _REPORT)),
         }
         taken = interleaved(ways, effort.rounds)

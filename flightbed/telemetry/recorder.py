@@ -13,8 +13,8 @@ from flightbed.core.estimate_names import numbered
 from flightbed.document import palette
 from flightbed.telemetry.channels import Plot
 from flightbed.telemetry.chase import Aircraft, set_time, time_of
-from flightbed.telemetry.modes import lanes, states
-from flightbed.telemetry.shown import Event, FlightInfo
+from flightbed.telemetry.flight_info import Event, FlightInfo
+from flightbed.telemetry.state_lanes import lanes, states
 
 Vector = npt.NDArray[np.float64]
 

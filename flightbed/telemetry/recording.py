@@ -11,8 +11,8 @@ from flightbed.analysis.trace import Trace
 from flightbed.core.errors import OutputError
 from flightbed.telemetry import layout
 from flightbed.telemetry.channels import with_room
+from flightbed.telemetry.flight_info import FlightInfo
 from flightbed.telemetry.recorder import Recorder
-from flightbed.telemetry.shown import FlightInfo
 
 APPLICATION = "flightbed"
 

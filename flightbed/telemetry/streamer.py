@@ -15,11 +15,11 @@ from flightbed.analysis.events import seen_events
 from flightbed.analysis.excitation import WINDOW_S, with_excitation
 from flightbed.analysis.trace import Trace, Vector, from_rows
 from flightbed.core.errors import FlightbedError
-from flightbed.live import FLIGHT, HEADER, HOST, RESULT, ROWS
 from flightbed.telemetry import layout, viewer
+from flightbed.telemetry.flight_info import Event, FlightInfo
+from flightbed.telemetry.live import FLIGHT, HEADER, HOST, RESULT, ROWS
 from flightbed.telemetry.recorder import Recorder
 from flightbed.telemetry.recording import APPLICATION
-from flightbed.telemetry.shown import Event, FlightInfo
 
 _CHECK_S = 0.5  # interval between checks that the viewer is still reachable
 _FLUSH_S = 5.0

@@ -15,8 +15,8 @@ from typing import Any
 
 from flightbed.core.errors import InputError, NotComputableError, OutputError
 from flightbed.core.files import write_atomic
-from flightbed.live import HOST
 from flightbed.telemetry.layout import TIMELINE
+from flightbed.telemetry.live import HOST
 
 _SETTLING_S = 1.5  # time for the views to draw received data
 _OPENING_S = 20.0  # the first start reads 280 MB from disk

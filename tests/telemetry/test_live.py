@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flightbed import live as live_module
 from flightbed.analysis.result import Result
 from flightbed.analysis.trace import from_rows
 from flightbed.core.errors import InputError
 from flightbed.flight.pacing import WallClock
-from flightbed.live import Live, address
 from flightbed.mission import run
 from flightbed.scenario.reading import Scenario, load_scenario
+from flightbed.telemetry import live as live_module
 from flightbed.telemetry import viewer
-from flightbed.telemetry.shown import FlightInfo
+from flightbed.telemetry.flight_info import FlightInfo
+from flightbed.telemetry.live import Live, address
 from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
 from tests.lateral_flight import NAMES, SOON, rolling
 from tests.telemetry.viewers import needs_viewer

@@ -17,15 +17,14 @@ from flightbed.core.errors import OutputError
 from flightbed.core.signals import Sample
 from flightbed.core.units import DEG, FT
 from flightbed.flight.record import row_packer
-from flightbed.folder import shown
-from flightbed.live import Live
 from flightbed.mission import run
 from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.telemetry import mesh
 from flightbed.telemetry.channels import with_room
 from flightbed.telemetry.chase import quaternions
+from flightbed.telemetry.flight_info import FlightInfo, result_info
+from flightbed.telemetry.live import Live
 from flightbed.telemetry.recording import write_recording
-from flightbed.telemetry.shown import FlightInfo
 from tests.flights import ShippedFlight
 from tests.lateral_flight import rolling
 from tests.telemetry.reading import rerun, series, static_text
@@ -249,7 +248,7 @@ def test_a_recording_that_the_environment_forbids_is_refused(
 ) -> None:
     monkeypatch.setenv("RERUN", "off")
     with pytest.raises(OutputError, match=r"the environment variable RERUN disables recording \(got off\)"):
-        write_recording(tmp_path / "flight.rrd", flown.trace, shown(flown))
+        write_recording(tmp_path / "flight.rrd", flown.trace, result_info(flown))
 
 
 @pytest.mark.parametrize(
@@ -264,7 +263,7 @@ def test_a_recording_that_the_environment_forbids_is_refused(
 )
 def test_an_axis_has_room_for_two_labels(flown: Result, low: float, high: float, expected: tuple | None) -> None:  # type: ignore[type-arg]
     trace = flown.trace.with_column("alpha_deg", np.linspace(low, high, len(flown.trace)))
-    plot = next(p for p in shown(flown).plots(trace) if p.key == "alpha")
+    plot = next(p for p in result_info(flown).plots(trace) if p.key == "alpha")
     found = with_room(plot, trace).range
     assert found is None if expected is None else found == pytest.approx(expected)
 
@@ -287,7 +286,7 @@ def test_recordings_of_all_scenarios_are_small(name: str, shipped_flight: Shippe
     """At most 1.5 MB for 16.5 s, whatever flies; 2.7 MB with roll and yaw, which are half as much again; 0.2 MB for each reconstruction."""
     long = load_scenario(name).duration_s > 16.5
     result = run(load_scenario(name, ["duration_s=16.5"])) if long else shipped_flight(name)
-    write_recording(tmp_path / "flight.rrd", result.trace, shown(result))
+    write_recording(tmp_path / "flight.rrd", result.trace, result_info(result))
     limit = 1.5e6 if result.plan.lateral is None else 2.7e6
     limit += 0.2e6 * sum(f"{name}.reconstructed_deg" in result.trace.columns for name in result.trace.estimators)
     assert (tmp_path / "flight.rrd").stat().st_size <= limit
@@ -487,7 +486,7 @@ def test_a_ten_minute_flight_is_in_proportion(tmp_path: Path) -> None:
     result = run(load_scenario("elevator-loss", overrides))
     assert len(result.trace) == 60_000
     began = time.perf_counter()
-    write_recording(tmp_path / "long.rrd", result.trace, shown(result))
+    write_recording(tmp_path / "long.rrd", result.trace, result_info(result))
     assert time.perf_counter() - began < 5.0
     assert (tmp_path / "long.rrd").stat().st_size < 60_000 / 1_650 * 1.5e6
 

@@ -14,10 +14,10 @@ import pytest
 from flightbed.analysis.result import Result
 from flightbed.core.errors import InputError, OutputError
 from flightbed.document import palette
-from flightbed.folder import shown
 from flightbed.mission import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry import viewer
+from flightbed.telemetry.flight_info import result_info
 from flightbed.telemetry.layout import TABS
 from flightbed.telemetry.recording import write_recording
 from tests.lateral_flight import SOON, rolling
@@ -181,7 +181,7 @@ def test_flights_without_estimators_forces_or_failures_are_shown_too(tmp_path: P
     }
     for name, scenario in bare.items():
         result: Result = run(scenario)
-        write_recording(tmp_path / f"{name}.rrd", result.trace, shown(result))
+        write_recording(tmp_path / f"{name}.rrd", result.trace, result_info(result))
         with viewer.headless() as client:
             client.open(str(tmp_path / f"{name}.rrd"))
             _paint(client)
@@ -195,7 +195,7 @@ def test_a_ten_minute_flight_opens_at_once(tmp_path: Path) -> None:
     """Opening takes one second; the limit is ten for busy machines. benchmarks/viewer.py measures the time."""
     overrides = ["duration_s=600", "command.count=1000", "failures.0.at_s=300", "failures.0.to=0.9"]
     result = run(load_scenario("elevator-loss", overrides))
-    write_recording(tmp_path / "long.rrd", result.trace, shown(result))
+    write_recording(tmp_path / "long.rrd", result.trace, result_info(result))
     with viewer.headless() as client:
         began = time.perf_counter()
         client.open(str(tmp_path / "long.rrd"))

@@ -25,7 +25,7 @@ from flightbed.flight.record import row_packer
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from flightbed.telemetry.shown import FlightInfo
+    from flightbed.telemetry.flight_info import FlightInfo
 
 HOST, PORT = "127.0.0.1", 9876  # this computer; Rerun's default port
 HEADER = struct.Struct("<cI")  # kind and length of a message

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, NamedTuple
 
-from flightbed.analysis.events import planned_events
-from flightbed.analysis.summary_text import plan_card
+from flightbed.analysis.events import events, planned_events
+from flightbed.analysis.result import Result
+from flightbed.analysis.summary_text import plan_card, run_card
 from flightbed.analysis.trace import Trace
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
@@ -158,3 +159,17 @@ class FlightInfo:
         raw["actuators"] = {surface: Actuator(**numbers) for surface, numbers in raw["actuators"].items()}
         plain: Any = {key: tuple(value) if isinstance(value, list) else value for key, value in raw.items()}
         return cls(**plain)
+
+
+def result_info(result: Result) -> FlightInfo:
+    """Return the information on a finished flight that the viewer shows."""
+    scenario, summary = result.plan.scenario, result.summary
+    happened = events(scenario, result.trace, summary, result.plan.actuators)
+    measured = result.metrics.estimators
+    readings = {name: m.nis_expected for name, m in measured.items() if m.nis_expected is not None}
+    return FlightInfo.of(result.plan, readings=readings).with_result(
+        run_card(scenario, summary),
+        happened,
+        departed=result.metrics.departed,
+        alarmed=[name for name in measured if result.trace[f"{name}.alarms"].max() > 0.0],
+    )
