@@ -15,8 +15,8 @@ from flightbed.analysis.result import Result
 from flightbed.avionics import pitch_kernels
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core.units import DEG, FT
-from flightbed.estimation.record import estimate_record
 from flightbed.flight.assembly import sensor_noise
+from flightbed.studies.methods.record import estimate_record
 
 
 def test_against_the_covariance_of_batch_least_squares(rng: np.random.Generator) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightbed.estimation import joint
 from flightbed.estimation.loop_gain import filter_bank
+from flightbed.studies.methods import joint
 
 BEGIN = {"fixed": filter_bank.FIXED, "anchored": filter_bank.ANCHORED, "corrected": filter_bank.CORRECTED}
 

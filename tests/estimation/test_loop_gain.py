@@ -16,7 +16,7 @@ from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG
 from flightbed.estimation.loop_gain import filter_bank
 from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig, loop_gain_config
-from flightbed.estimation.record import estimate_record
+from flightbed.studies.methods.record import estimate_record
 from tests.linear_flight import NOISE, fly_linear
 
 RUNS = 200

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
 
-from flightbed.estimation import joint
-from flightbed.estimation.record import batch_estimate, estimate_record
+from flightbed.studies.methods import joint
+from flightbed.studies.methods.record import batch_estimate, estimate_record
 
 
 class System(NamedTuple):

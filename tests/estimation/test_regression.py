@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 from scipy.linalg import toeplitz
 
-from flightbed.estimation.regression import difference_noise_covariance, least_squares
+from flightbed.studies.methods.least_squares import difference_noise_covariance, least_squares
 
 
 def test_the_two_parameter_example_is_the_printed_band() -> None:

@@ -9,11 +9,11 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from flightbed.estimation import rml
-from flightbed.estimation.rml import Rml, RmlConfig, drawn_back, within
 from flightbed.studies.kemp import plants
 from flightbed.studies.kemp.methods import estimates
 from flightbed.studies.kemp.plants import Record
+from flightbed.studies.methods import rml
+from flightbed.studies.methods.rml import Rml, RmlConfig, drawn_back, within
 
 
 def _armax(a: list[float], b: list[float], c: list[float], std: float, samples: int, seed: int) -> Record:

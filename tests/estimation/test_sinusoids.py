@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from flightbed.estimation.sinusoids import phasor, second_order, transfer_function
+from flightbed.studies.methods.sinusoids import phasor, second_order, transfer_function
 
 
 def test_the_second_order_example_from_a_simulated_test() -> None:

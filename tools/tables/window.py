@@ -19,8 +19,8 @@ from filterpy.kalman import KalmanFilter
 from numba import njit
 
 from flightbed.core.timing import interleaved, ratios, seconds, spread
-from flightbed.estimation import joint
 from flightbed.estimation.loop_gain import filter_bank
+from flightbed.studies.methods import joint
 
 WINDOW, TICKS, ROUNDS = 30, 1000, 7
 A, B = np.array([[0.9912, 0.00942], [0.0203, 0.99]]), np.array([-0.0002, -0.1372])

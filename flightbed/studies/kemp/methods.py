@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from flightbed.estimation.plid import factored as udu
 from flightbed.estimation.plid.identify import Plid, PlidConfig, Tracking
-from flightbed.estimation.rml import Rml, RmlConfig
 from flightbed.studies.kemp import printed
 from flightbed.studies.kemp.plants import Record
+from flightbed.studies.methods.rml import Rml, RmlConfig
 
 Array = npt.NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
 from flightbed.core.units import DEG
 from flightbed.document.document import Section, Table
-from flightbed.estimation.record import batch_estimate, estimate_record
-from flightbed.estimation.regression import difference_noise_covariance, least_squares
-from flightbed.estimation.sinusoids import phasor, second_order, transfer_function
 from flightbed.models.linear_aircraft import load_linear_aircraft
 from flightbed.studies.base import Flights, Part
+from flightbed.studies.methods.least_squares import difference_noise_covariance, least_squares
+from flightbed.studies.methods.record import batch_estimate, estimate_record
+from flightbed.studies.methods.sinusoids import phasor, second_order, transfer_function
 from flightbed.studies.sillence import printed
 from flightbed.studies.sillence.setup import thesis
 

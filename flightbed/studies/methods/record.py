@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.estimation import joint
+from flightbed.studies.methods import joint
 
 Array = npt.NDArray[np.float64]
 
