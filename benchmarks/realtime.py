@@ -23,7 +23,7 @@ from measuring import machine
 
 from flightbed.core.timing import interleaved, spread
 from flightbed.flight.pacing import WallClock
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import Scenario, load_scenario
 
 

@@ -81,7 +81,7 @@ def _record(result: Result, path: Path) -> None:
 
 def handing_over() -> None:
     """Print what a tick costs the loop, above iterating over the samples."""
-    from flightbed.mission import fly
+    from flightbed.runs.run import fly
 
     samples = list(fly(load_scenario("elevator-loss")))
     live = Live()  # not started: what is handed over waits in the queue

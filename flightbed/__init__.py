@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from flightbed.core.errors import FlightbedError
     from flightbed.core.signals import Estimate, Measurement, Sample, Truth
     from flightbed.flight.pacing import WallClock
-    from flightbed.mission import fly, run
     from flightbed.plant.airframe import JsbsimAirframe
+    from flightbed.runs.run import fly, run
     from flightbed.scenario.reading import Scenario, load_scenario
     from flightbed.telemetry.live import Live
 
@@ -50,11 +50,11 @@ _LATER = {
     "Trace": "flightbed.analysis.trace",
     "Truth": "flightbed.core.signals",
     "WallClock": "flightbed.flight.pacing",
-    "fly": "flightbed.mission",
+    "fly": "flightbed.runs.run",
     "load_aircraft": "flightbed.aircraft.overlay",
     "load_scenario": "flightbed.scenario.reading",
     "read_trace": "flightbed.analysis.trace",
-    "run": "flightbed.mission",
+    "run": "flightbed.runs.run",
     "using": "flightbed.config.own_code",
 }
 

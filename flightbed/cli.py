@@ -101,7 +101,7 @@ def run(
     """
     from flightbed.config.own_code import using
     from flightbed.flight.pacing import WallClock
-    from flightbed.mission import run as fly
+    from flightbed.runs.run import run as fly
     from flightbed.scenario.own_code import check_named
     from flightbed.scenario.reading import load_scenario
     from flightbed.telemetry.live import Live, address
@@ -142,7 +142,7 @@ def view(
         tab: Page in the picture: overview, estimators, airframe, or roll and yaw, where they are flown.
 
     """
-    from flightbed.folder import recording_of
+    from flightbed.runs.folder import recording_of
     from flightbed.telemetry import viewer
 
     recording = recording_of(run_folder)
@@ -175,9 +175,9 @@ def compare(
 
     """
     from flightbed.analysis import comparison
-    from flightbed.comparison_folder import COMPARISON, write_comparison
     from flightbed.core.files import check_target
     from flightbed.report.comparison_report import comparison_report
+    from flightbed.runs.comparison_folder import COMPARISON, write_comparison
 
     read = comparison.load_runs(runs)
     place = out if out is not None else Path("comparisons") / comparison.short_name(read)

@@ -21,9 +21,9 @@ from flightbed.campaign_histories import Histories
 from flightbed.campaign_table import Row
 from flightbed.core.errors import InputError, OutputError
 from flightbed.core.files import check_target, first_free, numbered, put_whole
-from flightbed.folder import CAMPAIGN
 from flightbed.parallel.executor import CHUNK
 from flightbed.programme import Programme
+from flightbed.runs.folder import CAMPAIGN
 
 UNFINISHED = "unfinished"
 _DONE = ".finished"  # new name of UNFINISHED while it is deleted

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-from flightbed.mission import Result, run
+from flightbed.runs.run import Result, run
 from flightbed.scenario.reading import load_scenario
 
 ShippedFlight = Callable[[str], Result]

@@ -28,7 +28,7 @@ from flightbed.core.errors import InputError, OutputError
 from flightbed.document import drawing
 from flightbed.document.html import render
 from flightbed.journal import Journal, journal
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.screen import campaign_lines
 from flightbed.settings.campaign import Criterion

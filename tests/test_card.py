@@ -10,7 +10,7 @@ from flightbed.analysis.events import events, failures
 from flightbed.analysis.metrics import PHASES
 from flightbed.analysis.summary import ExtensionSummary
 from flightbed.analysis.summary_text import flown, plan_card, run_card
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import rolling
 

@@ -13,9 +13,9 @@ import pytest
 from flightbed.analysis import comparison
 from flightbed.core.errors import OutputError
 from flightbed.document.html import render
-from flightbed.folder import recording_of
-from flightbed.mission import run
 from flightbed.report.comparison_report import comparison_report
+from flightbed.runs.folder import recording_of
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry import viewer
 from tests.command_line import assert_one_clear_line, flightbed

@@ -11,7 +11,7 @@ import pytest
 from flightbed.config.own_code import using
 from flightbed.core.errors import ScenarioError
 from flightbed.core.units import DEG
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.checks import idle_keys
 from flightbed.scenario.own_code import named_by
 from flightbed.scenario.reading import load_scenario

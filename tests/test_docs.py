@@ -15,7 +15,7 @@ from flightbed.config.own_code import using
 from flightbed.config.table import known_keys
 from flightbed.core import data
 from flightbed.flight.pacing import WallClock
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.settings.campaign import CampaignSettings
 

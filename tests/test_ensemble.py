@@ -16,7 +16,7 @@ from flightbed.analysis.metrics import Metrics
 from flightbed.analysis.seeds import Flown, Job, fly_chunk, fly_jobs, histories, processes
 from flightbed.core.errors import ScenarioError
 from flightbed.core.versions import versions
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import Scenario, load_scenario
 from tests.test_journal import backwards
 

@@ -33,8 +33,8 @@ from flightbed.core.errors import EstimateError, ExtensionError, InputError, Sce
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
 from flightbed.failures.base import HealthHistory
-from flightbed.mission import run
 from flightbed.report.flight_report import rerun_command
+from flightbed.runs.run import run
 from flightbed.scenario.own_code import check_named, named_by
 from flightbed.scenario.reading import load_scenario
 from tests.command_line import flightbed as command_line

@@ -12,7 +12,7 @@ from flightbed.core.errors import OutputError
 from flightbed.core.files import check_target
 from flightbed.document.document import Claim, Document, Section, Table
 from flightbed.document.html import render
-from flightbed.folder import RUN
+from flightbed.runs.folder import RUN
 from flightbed.statistics.intervals import Interval
 from flightbed.studies.folder import STUDY, write_study
 

@@ -19,8 +19,8 @@ from flightbed.flight.assembly import assemble
 from flightbed.flight.computer import rows_of
 from flightbed.flight.loop import Flight, fly
 from flightbed.flight.plan import plan
-from flightbed.mission import run
 from flightbed.plant.sensors import Sensors
+from flightbed.runs.run import run
 from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import NAMES, SOON, rolling

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flightbed.core import data
-from flightbed.mission import Result, run
+from flightbed.runs.run import Result, run
 from flightbed.scenario.reading import load_scenario
 from tests.bits import compare
 from tests.flights import ShippedFlight, once

@@ -16,8 +16,8 @@ from flightbed import campaign
 from flightbed.analysis import comparison
 from flightbed.document import palette
 from flightbed.document.html import render
-from flightbed.mission import run
 from flightbed.report.comparison_report import comparison_report
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 
 _BROWSER = next(

@@ -25,11 +25,11 @@ from flightbed import campaign_flights
 from flightbed.campaign_file import load_programme, plain
 from flightbed.campaign_flights import Chunk, ChunkResult, chunk_of, fly_chunk
 from flightbed.core.errors import InputError, OutputError
-from flightbed.folder import CAMPAIGN
 from flightbed.journal import Journal, journal
-from flightbed.mission import run as fly_one
 from flightbed.parallel.executor import Opener
 from flightbed.programme import Programme
+from flightbed.runs.folder import CAMPAIGN
+from flightbed.runs.run import run as fly_one
 from flightbed.scenario.reading import load_scenario
 from tests.command_line import COMMAND, flightbed, heed_interrupts
 

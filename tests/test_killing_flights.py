@@ -16,9 +16,9 @@ from flightbed import using
 from flightbed.campaign_file import load_programme
 from flightbed.campaign_flights import KILLS, Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
 from flightbed.campaign_table import Row
-from flightbed.mission import fly
 from flightbed.parallel.executor import opener
 from flightbed.programme import Programme
+from flightbed.runs.run import fly
 from flightbed.scenario.reading import load_scenario
 from tests import dask_cluster
 

@@ -21,8 +21,8 @@ from flightbed.flight.assembly import assemble
 from flightbed.flight.loop import fly
 from flightbed.flight.plan import plan
 from flightbed.flight.record import row_packer, row_width
-from flightbed.mission import run
 from flightbed.plant.sensors import LateralSensors
+from flightbed.runs.run import run
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import NAMES, SOON, rolling

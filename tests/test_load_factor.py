@@ -24,9 +24,9 @@ from flightbed.flight.assembly import assemble
 from flightbed.flight.computer import rows_of
 from flightbed.flight.loop import fly
 from flightbed.flight.plan import plan
-from flightbed.mission import run
 from flightbed.models.envelope import DYNAMIC_PRESSURES_PSF, PSF, pitch_points
 from flightbed.report.comparison_report import comparison_report
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry.comparison import write_comparison
 from tests.telemetry.reading import series

@@ -19,7 +19,7 @@ from flightbed.core import data
 from flightbed.core.errors import AircraftError, NoTrimError, OutputError
 from flightbed.core.units import DEG
 from flightbed.flight.plan import plan
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 
 CONTRACT_COLUMNS = [
@@ -428,7 +428,7 @@ def test_a_resolved_scenario_names_the_very_aircraft(tmp_path: Path, monkeypatch
 def test_public_names_are_functions_whatever_was_imported_first() -> None:
     """`trim`, `linearize` and `short_period` are also modules: the package must give the functions."""
     code = (
-        "import flightbed.models.trim, flightbed.models.linearize, flightbed.avionics.short_period, flightbed.mission, flightbed\n"
+        "import flightbed.models.trim, flightbed.models.linearize, flightbed.avionics.short_period, flightbed.runs.run, flightbed\n"
         "assert all(callable(getattr(flightbed, n)) for n in ('load_scenario run trim linearize short_period fly').split())\n"
         "assert all(hasattr(flightbed, n) for n in flightbed.__all__)"
     )

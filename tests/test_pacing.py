@@ -23,7 +23,7 @@ from flightbed.analysis.summary_text import kept_pace, run_card
 from flightbed.analysis.trace import Trace, read_trace
 from flightbed.config import families
 from flightbed.flight.pacing import Timing, WallClock, paced
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.reading import load_scenario
 from tests.command_line import flightbed

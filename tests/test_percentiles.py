@@ -20,9 +20,9 @@ from flightbed.campaign_ensembles import histories_sections
 from flightbed.campaign_file import load_programme
 from flightbed.campaign_flights import chunk_of
 from flightbed.campaign_histories import Histories
-from flightbed.mission import run as fly_one
 from flightbed.parallel.executor import CHUNK
 from flightbed.programme import Programme, few, scenario_of
+from flightbed.runs.run import run as fly_one
 from flightbed.screen import campaign_lines
 from flightbed.settings.campaign import CampaignSettings
 from flightbed.statistics import histories

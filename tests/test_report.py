@@ -18,9 +18,9 @@ from flightbed.core import data
 from flightbed.document import drawing, palette
 from flightbed.document.document import Document, Listing, show
 from flightbed.document.html import render
-from flightbed.mission import run
 from flightbed.report.figures import pictures
 from flightbed.report.flight_report import ESTIMATOR_METRICS, run_report
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import chi_square_bound
 from tests.lateral_flight import rolling

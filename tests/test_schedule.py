@@ -13,11 +13,11 @@ from flightbed.avionics.schedule import Schedule
 from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.units import DEG, FT
-from flightbed.mission import run
 from flightbed.models.tabulate import build_schedule, load_schedule
 from flightbed.models.trim import trim
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 
 THROTTLE = 0.34

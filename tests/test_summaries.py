@@ -16,7 +16,7 @@ from flightbed.analysis.result import Result
 from flightbed.analysis.summary import ExtensionSummary, RunSummary
 from flightbed.campaign import fly
 from flightbed.flight.pacing import WallClock
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import SOON, rolling
 

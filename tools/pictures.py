@@ -14,9 +14,9 @@ from pathlib import Path
 
 from flightbed import load_scenario, run
 from flightbed.analysis import comparison
-from flightbed.comparison_folder import write_comparison
-from flightbed.folder import recording_of
 from flightbed.report.comparison_report import comparison_report
+from flightbed.runs.comparison_folder import write_comparison
+from flightbed.runs.folder import recording_of
 from flightbed.telemetry import viewer
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"

@@ -24,7 +24,7 @@ from flightbed.estimation.base import Estimator
 from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig
 from flightbed.flight.assembly import sensor_noise
 from flightbed.flight.plan import Plan, plan
-from flightbed.mission import fly
+from flightbed.runs.run import fly
 from flightbed.scenario.reading import load_scenario
 
 from .loop import ESTIMATORS, SCENARIO

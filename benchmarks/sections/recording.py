@@ -21,8 +21,8 @@ from flightbed.core.units import DEG
 from flightbed.document.html import render
 from flightbed.flight.assembly import assemble, sensor_noise
 from flightbed.flight.computer import rows_of
-from flightbed.mission import run
 from flightbed.report.flight_report import run_report
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry.flight_info import result_info
 from flightbed.telemetry.recording import write_recording

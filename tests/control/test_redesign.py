@@ -13,7 +13,7 @@ from flightbed.control.redesign import PitchWeights, Redesign, RedesignedPitch, 
 from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 
 WEIGHTS = PitchWeights(3.0 * DEG, 3.0 * DEG, 3.0 * DEG)

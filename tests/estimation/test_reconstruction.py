@@ -22,7 +22,7 @@ from flightbed.flight.assembly import assemble, sensor_noise
 from flightbed.flight.computer import rows_of
 from flightbed.flight.loop import fly
 from flightbed.flight.plan import plan
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.checks import idle_keys
 from flightbed.scenario.reading import load_scenario
 from flightbed.scenario.tables import Scenario

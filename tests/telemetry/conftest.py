@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from flightbed.analysis.result import Result
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 
 

@@ -19,7 +19,7 @@ from flightbed.analysis.result import Result
 from flightbed.analysis.trace import from_rows
 from flightbed.core.errors import InputError
 from flightbed.flight.pacing import WallClock
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.telemetry import live as live_module
 from flightbed.telemetry import viewer

@@ -17,7 +17,7 @@ from flightbed.core.errors import OutputError
 from flightbed.core.signals import Sample
 from flightbed.core.units import DEG, FT
 from flightbed.flight.record import row_packer
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import Scenario, load_scenario
 from flightbed.telemetry import mesh
 from flightbed.telemetry.channels import with_room

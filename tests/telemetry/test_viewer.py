@@ -14,7 +14,7 @@ import pytest
 from flightbed.analysis.result import Result
 from flightbed.core.errors import InputError, OutputError
 from flightbed.document import palette
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry import viewer
 from flightbed.telemetry.flight_info import result_info

@@ -15,7 +15,7 @@ from flightbed.command.multisine import flat_phases, one_period, schroeder_phase
 from flightbed.config import families
 from flightbed.config.kinds import Command
 from flightbed.core.units import DEG
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 
 HZ = 100

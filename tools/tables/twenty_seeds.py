@@ -13,7 +13,7 @@ from cells import likely
 
 from flightbed.analysis.metrics import EstimatorMetrics, Metrics
 from flightbed.analysis.result import Result
-from flightbed.mission import run
+from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 
 FLIGHTS: dict[str, tuple[str, list[str]]] = {

@@ -15,7 +15,7 @@ from flightbed.flight.assembly import assemble
 from flightbed.flight.loop import fly as fly_loop
 from flightbed.flight.pacing import Clock
 from flightbed.flight.plan import Plan, plan
-from flightbed.folder import RUN, write_run
+from flightbed.runs.folder import RUN, write_run
 from flightbed.scenario.own_code import named_by
 from flightbed.scenario.tables import Scenario
 from flightbed.telemetry.flight_info import FlightInfo, result_info
