@@ -318,8 +318,8 @@ def campaign(
         json: Print the content of summary.json, and the folder, as JSON and nothing else on stdout.
 
     """
-    from flightbed import campaign as campaigns
-    from flightbed.campaign_file import load_programme
+    from flightbed.campaigns import run as campaigns
+    from flightbed.campaigns.file import load_programme
     from flightbed.config.own_code import using
     from flightbed.scenario.own_code import check_named
     from flightbed.screen import campaign_lines, progress_bar

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flightbed.analysis.metrics import EstimatorMetrics, Metrics
     from flightbed.analysis.result import Result
     from flightbed.analysis.summary import RunSummary
-    from flightbed.campaign_result import Campaign
+    from flightbed.campaigns.result import Campaign
     from flightbed.document.document import Document
 
 _WIDE = 7  # most columns that a terminal shows with their intervals
@@ -163,8 +163,8 @@ def _number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
 
 def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType]:
     """Yield the lines on a campaign: headline, medians, points, the worst flight, folder."""
-    from flightbed.campaign_lead import lead
-    from flightbed.campaign_points import points_table
+    from flightbed.campaigns.report.headline import lead
+    from flightbed.campaigns.report.points import points_table
 
     first = lead(campaign)
     yield Text.from_markup(f"[bold]{campaign.programme.name}[/bold]: {escape(campaign.programme.description)}")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, bootstrap, expon, quantile_test
 
-from flightbed.campaign_table import Quantity
+from flightbed.campaigns.table import Quantity
 from flightbed.statistics.bootstrap import FEWEST, FEWEST_OF_PERCENTILE, RESAMPLES, mean_interval, percentile_interval
 from flightbed.statistics.intervals import Interval, quantile_interval
 

@@ -15,23 +15,23 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from flightbed import campaign as campaigns
 from flightbed.analysis.metrics import EstimatorMetrics
 from flightbed.analysis.seeds import processes
-from flightbed.campaign_flights import HISTORIES
-from flightbed.campaign_folder import finish
-from flightbed.campaign_report import campaign_report
-from flightbed.campaign_result import Campaign, worst_of
-from flightbed.campaign_summary import QuantitySummary
-from flightbed.campaign_table import Quantity, Row, passes
+from flightbed.campaigns import run as campaigns
+from flightbed.campaigns.folder import finish
+from flightbed.campaigns.journal import Journal, journal
+from flightbed.campaigns.report.page import campaign_report
+from flightbed.campaigns.result import Campaign, worst_of
+from flightbed.campaigns.settings import Criterion
+from flightbed.campaigns.summary import QuantitySummary
+from flightbed.campaigns.table import Quantity, Row, passes
+from flightbed.campaigns.worker import HISTORIES
 from flightbed.core.errors import InputError, OutputError
 from flightbed.document import drawing
 from flightbed.document.html import render
-from flightbed.journal import Journal, journal
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.screen import campaign_lines
-from flightbed.settings.campaign import Criterion
 from flightbed.statistics.intervals import median_interval, share
 from tests.command_line import flightbed
 from tests.lateral_flight import NAMES, SOON, rolling

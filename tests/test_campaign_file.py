@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed.campaign_file import load_programme, plain
+from flightbed.campaigns.file import load_programme, plain
+from flightbed.campaigns.plan import Programme, draw, flight_hash, scenario_of, values_of
+from flightbed.campaigns.settings import AxisSettings, CampaignSettings
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, UnknownNameError
-from flightbed.programme import Programme, draw, flight_hash, scenario_of, values_of
 from flightbed.scenario.reading import load_scenario
-from flightbed.settings.campaign import AxisSettings, CampaignSettings
 from flightbed.statistics.intervals import share
 from tests.lateral_flight import rolling
 

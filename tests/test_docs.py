@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from flightbed.campaign_file import load_programme
+from flightbed.campaigns.file import load_programme
+from flightbed.campaigns.settings import CampaignSettings
 from flightbed.config.own_code import using
 from flightbed.config.table import known_keys
 from flightbed.core import data
 from flightbed.flight.pacing import WallClock
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
-from flightbed.settings.campaign import CampaignSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -15,8 +15,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from flightbed import campaign as campaigns
-from flightbed.campaign_file import load_programme
+from flightbed.campaigns import run as campaigns
+from flightbed.campaigns.file import load_programme
 from flightbed.core.errors import InputError
 from flightbed.core.versions import versions
 from flightbed.parallel.executor import DEATHS, Work, opener, results

@@ -12,8 +12,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from flightbed import campaign
 from flightbed.analysis import comparison
+from flightbed.campaigns import run as campaign
 from flightbed.document import palette
 from flightbed.document.html import render
 from flightbed.report.comparison_report import comparison_report

@@ -20,15 +20,14 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from flightbed import campaign as campaigns
-from flightbed import campaign_flights
-from flightbed.campaign_file import load_programme, plain
-from flightbed.campaign_flights import Chunk, ChunkResult, chunk_of, fly_chunk
+from flightbed.campaigns import run as campaigns
+from flightbed.campaigns import worker
+from flightbed.campaigns.file import load_programme, plain
+from flightbed.campaigns.journal import CAMPAIGN, Journal, journal
+from flightbed.campaigns.plan import Programme
+from flightbed.campaigns.worker import Chunk, ChunkResult, chunk_of, fly_chunk
 from flightbed.core.errors import InputError, OutputError
-from flightbed.journal import Journal, journal
 from flightbed.parallel.executor import Opener
-from flightbed.programme import Programme
-from flightbed.runs.folder import CAMPAIGN
 from flightbed.runs.run import run as fly_one
 from flightbed.scenario.reading import load_scenario
 from tests.command_line import COMMAND, flightbed, heed_interrupts
@@ -220,7 +219,7 @@ def test_a_full_disk_is_one_clear_line_and_loses_nothing(
         if len(calls) >= at:
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("flightbed.journal.os.fsync", full)
+    monkeypatch.setattr("flightbed.campaigns.journal.os.fsync", full)
     with pytest.raises(InputError) as caught:
         campaigns.run(programme, out, workers=1)
     assert str(caught.value) == (
@@ -240,7 +239,7 @@ def test_a_disk_that_is_full_at_the_end_leaves_an_unfinished_campaign_without_a_
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("flightbed.campaign_folder.write_table", full)
+    monkeypatch.setattr("flightbed.campaigns.folder.write_table", full)
     with pytest.raises(InputError, match=rf"No space left on device; {RUNS} of {RUNS} flights are stored"):
         campaigns.run(programme, out, workers=1)
     assert (out / "unfinished").is_dir()
@@ -295,14 +294,14 @@ def test_flights_that_raise_are_rows_and_traces_that_are_chosen_are_kept(
 ) -> None:
     (tmp_path / "grid.toml").write_text(GRID)
     grid = load_programme(tmp_path / "grid.toml", SHORT)
-    fly_plan = campaign_flights.fly_plan
+    fly_plan = worker.fly_plan
 
     def fails(plan: Any) -> Any:
         if plan.scenario.seed == grid.flight(3).seed:
             raise ZeroDivisionError("lost a\nwing")
         return fly_plan(plan)
 
-    monkeypatch.setattr(campaign_flights, "fly_plan", fails)
+    monkeypatch.setattr(worker, "fly_plan", fails)
     _fly_here(monkeypatch)
     flown, out = campaigns.run(grid, tmp_path / "x", workers=1)
     assert flown is not None

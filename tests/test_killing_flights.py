@@ -11,13 +11,13 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from flightbed import campaign as campaigns
 from flightbed import using
-from flightbed.campaign_file import load_programme
-from flightbed.campaign_flights import KILLS, Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
-from flightbed.campaign_table import Row
+from flightbed.campaigns import run as campaigns
+from flightbed.campaigns.file import load_programme
+from flightbed.campaigns.plan import Programme
+from flightbed.campaigns.table import Row
+from flightbed.campaigns.worker import KILLS, Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
 from flightbed.parallel.executor import opener
-from flightbed.programme import Programme
 from flightbed.runs.run import fly
 from flightbed.scenario.reading import load_scenario
 from tests import dask_cluster

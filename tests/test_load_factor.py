@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed import campaign as campaigns
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.analysis.comparison import load_runs
 from flightbed.analysis.pull_up import PullUp, command_g, increment_g, pull_up
 from flightbed.analysis.result import fly_plan
 from flightbed.analysis.summary_text import run_card
 from flightbed.analysis.trace import Trace
-from flightbed.campaign_lead import headline
-from flightbed.campaign_report import campaign_report
+from flightbed.campaigns import run as campaigns
+from flightbed.campaigns.report.headline import headline
+from flightbed.campaigns.report.page import campaign_report
 from flightbed.control.load_factor.design import closed_loop_poles, gain_table
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import ScenarioError

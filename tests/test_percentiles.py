@@ -14,17 +14,17 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from flightbed import campaign as campaigns
-from flightbed import campaign_flights
-from flightbed.campaign_ensembles import histories_sections
-from flightbed.campaign_file import load_programme
-from flightbed.campaign_flights import chunk_of
-from flightbed.campaign_histories import Histories
+from flightbed.campaigns import run as campaigns
+from flightbed.campaigns import worker
+from flightbed.campaigns.file import load_programme
+from flightbed.campaigns.histories import Histories
+from flightbed.campaigns.plan import Programme, few, scenario_of
+from flightbed.campaigns.report.histories import histories_sections
+from flightbed.campaigns.settings import CampaignSettings
+from flightbed.campaigns.worker import chunk_of
 from flightbed.parallel.executor import CHUNK
-from flightbed.programme import Programme, few, scenario_of
 from flightbed.runs.run import run as fly_one
 from flightbed.screen import campaign_lines
-from flightbed.settings.campaign import CampaignSettings
 from flightbed.statistics import histories
 from flightbed.statistics.histories import PERCENTILES, Ensemble, Part
 
@@ -119,7 +119,7 @@ def test_any_order_and_any_number_of_restarts_give_the_same_sum(
     rng: np.random.Generator, tmp_path: Path, runs: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Points begin and end within chunks; a restart after every chunk continues with the files on disk."""
-    monkeypatch.setattr(campaign_flights, "SAMPLE", 20)
+    monkeypatch.setattr(worker, "SAMPLE", 20)
     programme = _grid(tmp_path, runs=runs)
     chunks, flights = _parts(programme, rng)
     straight = Histories(programme)
@@ -210,7 +210,7 @@ def test_the_folder_holds_the_histories_of_every_point(tmp_path: Path) -> None:
 
 
 def test_the_first_flights_of_a_point_are_the_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(campaign_flights, "SAMPLE", 4)
+    monkeypatch.setattr(worker, "SAMPLE", 4)
     programme = _grid(tmp_path)
     flown = campaigns.fly(programme)
     flights = np.array(_from_flights(programme, 1, "q_deg_s"))

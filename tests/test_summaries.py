@@ -14,7 +14,7 @@ import pytest
 from flightbed.analysis.metrics import Metrics
 from flightbed.analysis.result import Result
 from flightbed.analysis.summary import ExtensionSummary, RunSummary
-from flightbed.campaign import fly
+from flightbed.campaigns.run import fly
 from flightbed.flight.pacing import WallClock
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario

@@ -15,20 +15,6 @@ if TYPE_CHECKING:
 
 
 RUN = FolderKind("run", frozenset({"scenario.toml", "trace.parquet", "metrics.json", "flight.rrd", "report.html"}))
-CAMPAIGN = FolderKind(
-    "campaign",
-    frozenset(
-        {
-            "scenario.toml",
-            "campaign.toml",
-            "table.parquet",
-            "summary.json",
-            "report.html",
-            "histories.parquet",
-            "traces",
-        }
-    ),
-)
 
 
 def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replace: bool) -> Path:

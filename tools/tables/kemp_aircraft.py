@@ -24,7 +24,7 @@ import numpy as np
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.analysis.pull_up import COLUMNS, PullUp, command_g, first_pulse, increment_g, pull_up
 from flightbed.analysis.seeds import Flown, Job, fly_jobs, processes
-from flightbed.campaign import fly
+from flightbed.campaigns.run import fly
 from flightbed.core.units import DEG, FT
 from flightbed.flight.assembly import assemble
 from flightbed.flight.loop import fly as samples_of

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.campaign_result import Campaign
-from flightbed.campaign_summary import CampaignSummary, FlightsSummary, ShareSummary
+from flightbed.campaigns.plan import values_of
+from flightbed.campaigns.result import Campaign
+from flightbed.campaigns.settings import AxisSettings, Criterion
+from flightbed.campaigns.summary import CampaignSummary, FlightsSummary, ShareSummary
 from flightbed.document import drawing
 from flightbed.document.document import Cell, Picture, Section, Table, show
-from flightbed.programme import values_of
-from flightbed.settings.campaign import AxisSettings, Criterion
 from flightbed.statistics.intervals import Interval
 
 _MOST = 200  # points in the table of the page; summary.json has all

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from flightbed.campaigns.settings import AxisSettings, CampaignSettings
 from flightbed.config.overrides import replaced, setting
 from flightbed.config.own_code import Extension
 from flightbed.core.versions import versions
 from flightbed.scenario.checks import idle_keys
 from flightbed.scenario.reading import validated
 from flightbed.scenario.tables import Scenario
-from flightbed.settings.campaign import AxisSettings, CampaignSettings
 
 Values = Mapping[str, Any]  # key of the scenario -> value
 

@@ -16,14 +16,29 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from flightbed.campaign_flights import ChunkResult
-from flightbed.campaign_histories import Histories
-from flightbed.campaign_table import Row
+from flightbed.campaigns.histories import Histories
+from flightbed.campaigns.plan import Programme
+from flightbed.campaigns.table import Row
+from flightbed.campaigns.worker import ChunkResult
 from flightbed.core.errors import InputError, OutputError
-from flightbed.core.files import check_target, first_free, numbered, put_whole
+from flightbed.core.files import FolderKind, check_target, first_free, numbered, put_whole
 from flightbed.parallel.executor import CHUNK
-from flightbed.programme import Programme
-from flightbed.runs.folder import CAMPAIGN
+
+CAMPAIGN = FolderKind(
+    "campaign",
+    frozenset(
+        {
+            "scenario.toml",
+            "campaign.toml",
+            "table.parquet",
+            "summary.json",
+            "report.html",
+            "histories.parquet",
+            "traces",
+        }
+    ),
+)
+
 
 UNFINISHED = "unfinished"
 _DONE = ".finished"  # new name of UNFINISHED while it is deleted

@@ -8,17 +8,17 @@ from pathlib import Path
 import tomli_w
 
 from flightbed.analysis.result import fly_scenario
-from flightbed.campaign_result import Campaign
-from flightbed.campaign_table import Row, write_table
+from flightbed.campaigns.histories_file import write_histories
+from flightbed.campaigns.journal import Journal
+from flightbed.campaigns.plan import Programme, scenario_of
+from flightbed.campaigns.result import Campaign
+from flightbed.campaigns.table import Row, write_table
 from flightbed.core.files import to_json
-from flightbed.histories_file import write_histories
-from flightbed.journal import Journal
-from flightbed.programme import Programme, scenario_of
 
 
 def finish(campaign: Campaign, book: Journal) -> None:
     """Write the files of a finished campaign, the summary last, and remove the files of the unfinished one. Raises OutputError."""
-    from flightbed.campaign_report import campaign_report
+    from flightbed.campaigns.report.page import campaign_report
     from flightbed.document.html import render
 
     programme = campaign.programme

@@ -14,11 +14,11 @@ from typing import NamedTuple
 from flightbed.analysis.metrics import EstimatorMetrics, Metrics
 from flightbed.analysis.pull_up import PULL_UP_METRICS
 from flightbed.analysis.summary_text import FOLLOWED
+from flightbed.campaigns.plan import Flight
+from flightbed.campaigns.settings import Criterion
 from flightbed.core.units import unit_of
-from flightbed.programme import Flight
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.scenario.tables import Scenario
-from flightbed.settings.campaign import Criterion
 from flightbed.statistics.bootstrap import mean_interval, percentile_interval
 from flightbed.statistics.intervals import Interval, median_interval, quantile_interval, share
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.campaign_result import Campaign
+from flightbed.campaigns.result import Campaign
 from flightbed.document import drawing
 from flightbed.statistics.histories import PERCENTILES, Ensemble
 

@@ -7,20 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from flightbed.aircraft.overlay import load_path
-from flightbed.campaign_table import metric_columns
+from flightbed.campaigns.plan import Programme, Values, grid, with_values
+from flightbed.campaigns.settings import CampaignSettings
+from flightbed.campaigns.table import metric_columns
 from flightbed.config.reading import frozen, problems, read_toml, shown
 from flightbed.config.table import ValidationError
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, did_you_mean
 from flightbed.flight.plan import plan
 from flightbed.models.linear_aircraft import load_flyable
-from flightbed.programme import Programme, Values, grid, with_values
 from flightbed.scenario.checks import idle_keys
 from flightbed.scenario.estimates import estimates
 from flightbed.scenario.own_code import named_by
 from flightbed.scenario.reading import build, changed, validated
 from flightbed.scenario.tables import Scenario
-from flightbed.settings.campaign import CampaignSettings
 
 RUNS = 100  # default, of a plain scenario
 _LAST_SEED = 2**63 - 1

@@ -10,13 +10,13 @@ from typing import Any
 
 from flightbed.analysis.result import fly_plan
 from flightbed.analysis.trace import true_share
-from flightbed.campaign_table import Row, failed_row, row
+from flightbed.campaigns.plan import Flight, Programme, flight_hash, scenario_of
+from flightbed.campaigns.table import Row, failed_row, row
 from flightbed.config.own_code import Extension, Packed, carried
 from flightbed.config.tracebacks import line_of
 from flightbed.core.errors import FlightbedError
 from flightbed.flight.plan import Plan, plan
 from flightbed.parallel.executor import CHUNK, DEATHS
-from flightbed.programme import Flight, Programme, flight_hash, scenario_of
 from flightbed.scenario.estimates import estimates
 from flightbed.scenario.own_code import named_by
 from flightbed.scenario.tables import Scenario

@@ -9,11 +9,11 @@ import numpy as np
 from flightbed.analysis.pull_up import PULL_UP_METRICS
 from flightbed.analysis.result import Result
 from flightbed.analysis.summary_text import FOLLOWED, flown, outcome
-from flightbed.campaign_ensembles import histories_sections
-from flightbed.campaign_lead import flight_label, lead, median_cell
-from flightbed.campaign_points import points_section
-from flightbed.campaign_result import Campaign
-from flightbed.campaign_summary import CampaignSummary, WorstSummary
+from flightbed.campaigns.report.headline import flight_label, lead, median_cell
+from flightbed.campaigns.report.histories import histories_sections
+from flightbed.campaigns.report.points import points_section
+from flightbed.campaigns.result import Campaign
+from flightbed.campaigns.summary import CampaignSummary, WorstSummary
 from flightbed.config.own_code import at_hand, permits
 from flightbed.core.estimate_names import numbered
 from flightbed.core.units import unit_of

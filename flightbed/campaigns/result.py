@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from flightbed.analysis.result import Result
-from flightbed.campaign_summary import CampaignSummary, summarize_campaign
-from flightbed.campaign_table import Quantity, Row, followed, quantity
-from flightbed.programme import Programme
+from flightbed.campaigns.plan import Programme
+from flightbed.campaigns.summary import CampaignSummary, summarize_campaign
+from flightbed.campaigns.table import Quantity, Row, followed, quantity
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.histories import Ensemble

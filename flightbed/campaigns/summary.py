@@ -13,12 +13,12 @@ from typing import Any
 from flightbed.analysis.metrics import PHASES, Metrics
 from flightbed.analysis.summary import RunSummary
 from flightbed.analysis.summary_text import FOLLOWED
-from flightbed.campaign_table import Followed, Quantity, Row, departed, followed, passed, quantities, quantity
+from flightbed.campaigns.plan import Programme, Values
+from flightbed.campaigns.settings import Criterion
+from flightbed.campaigns.table import Followed, Quantity, Row, departed, followed, passed, quantities, quantity
 from flightbed.config.own_code import permits
 from flightbed.core.versions import versions
-from flightbed.programme import Programme, Values
 from flightbed.scenario.estimates import detectors, estimates
-from flightbed.settings.campaign import Criterion
 from flightbed.statistics.bootstrap import RESAMPLES
 from flightbed.statistics.histories import PERCENTILES, SAMPLE
 from flightbed.statistics.intervals import Interval

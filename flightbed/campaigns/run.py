@@ -9,15 +9,15 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from flightbed.analysis.result import fly_scenario
-from flightbed.campaign_file import plain
-from flightbed.campaign_flights import Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
-from flightbed.campaign_histories import Histories
-from flightbed.campaign_result import Campaign, worst_of
-from flightbed.campaign_table import Row, passes
+from flightbed.campaigns.file import plain
+from flightbed.campaigns.histories import Histories
+from flightbed.campaigns.journal import Journal, journal
+from flightbed.campaigns.plan import Programme, scenario_of
+from flightbed.campaigns.result import Campaign, worst_of
+from flightbed.campaigns.table import Row, passes
+from flightbed.campaigns.worker import Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
 from flightbed.core.errors import FlightbedError, InputError
-from flightbed.journal import Journal, journal
 from flightbed.parallel.executor import CHUNK, Opener, Work, opener, results
-from flightbed.programme import Programme, scenario_of
 from flightbed.scenario.tables import Scenario
 
 Progress = Callable[[int, int], None]
@@ -58,7 +58,7 @@ def run(
         to continue, after it has written the table of the finished flights.
 
     """
-    from flightbed.campaign_folder import finish
+    from flightbed.campaigns.folder import finish
 
     began, executor = time.perf_counter(), opener(workers, scheduler)
     programme = plain(flights, runs) if isinstance(flights, Scenario) else flights
@@ -126,7 +126,7 @@ def _chunk_results(
 @contextmanager
 def _kept(book: Journal, programme: Programme) -> Iterator[None]:
     """If the flights end early, write the table of the finished ones, and add to the error how to continue."""
-    from flightbed.campaign_folder import put_table
+    from flightbed.campaigns.folder import put_table
 
     try:
         yield

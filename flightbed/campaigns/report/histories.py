@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flightbed.analysis.trace import true_share
-from flightbed.campaign_multiples import left_out, of_points
-from flightbed.campaign_result import Campaign
+from flightbed.campaigns.plan import SHOWN, few
+from flightbed.campaigns.report.bands import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
+from flightbed.campaigns.report.small_multiples import left_out, of_points
+from flightbed.campaigns.result import Campaign
 from flightbed.core.estimate_names import numbered
 from flightbed.document import drawing, palette
 from flightbed.document.document import Picture, Section
-from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
-from flightbed.programme import SHOWN, few
 from flightbed.report.figures import MARGIN, mark_changes
 from flightbed.statistics.histories import PERCENTILES, Ensemble
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from flightbed.analysis.events import failures, gusts
 from flightbed.analysis.summary_text import correction
-from flightbed.campaign_points import axis_words, criteria_words, value_words
-from flightbed.campaign_result import Campaign
-from flightbed.campaign_summary import CampaignSummary, QuantitySummary, ShareSummary, WorstSummary
+from flightbed.campaigns.report.points import axis_words, criteria_words, value_words
+from flightbed.campaigns.result import Campaign
+from flightbed.campaigns.summary import CampaignSummary, QuantitySummary, ShareSummary, WorstSummary
 from flightbed.document.document import Cell, Section, Table, show
 from flightbed.statistics.intervals import Interval
 

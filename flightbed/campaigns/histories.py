@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.campaigns.plan import Programme
 from flightbed.core.files import put_whole
 from flightbed.parallel.executor import CHUNK
-from flightbed.programme import Programme
 from flightbed.statistics.histories import Arrays, Ensemble, Part, add_all
 from flightbed.statistics.moments import Moments, within
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from flightbed.analysis.trace import true_share
-from flightbed.campaign_points import value_words
-from flightbed.campaign_result import Campaign
+from flightbed.campaigns.plan import MOST_REMEMBERED, SHOWN, few, values_of
+from flightbed.campaigns.report.bands import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
+from flightbed.campaigns.report.points import value_words
+from flightbed.campaigns.result import Campaign
 from flightbed.core.estimate_names import numbered
 from flightbed.document import drawing, palette
 from flightbed.document.document import Picture
-from flightbed.ensemble_drawing import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
-from flightbed.programme import MOST_REMEMBERED, SHOWN, few, values_of
 from flightbed.report.figures import MARGIN, mark_changes
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.histories import PERCENTILES, Ensemble

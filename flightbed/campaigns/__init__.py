@@ -1,0 +1,1 @@
+"""Many flights over a grid or drawn at random: plan, workers, journal, table and summary."""
