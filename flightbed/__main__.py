@@ -9,7 +9,7 @@ from typing import NoReturn
 def main() -> NoReturn:
     """Run the command line."""
     try:
-        from flightbed.cli import main as run
+        from flightbed.cli.main import main as run
     except KeyboardInterrupt:
         print("flightbed: interrupted; nothing was written", file=sys.stderr)
         sys.exit(130)

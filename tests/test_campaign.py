@@ -26,12 +26,12 @@ from flightbed.campaigns.settings import Criterion
 from flightbed.campaigns.summary import QuantitySummary
 from flightbed.campaigns.table import Quantity, Row, passes
 from flightbed.campaigns.worker import HISTORIES
+from flightbed.cli.screen import campaign_lines
 from flightbed.core.errors import InputError, OutputError
 from flightbed.document import drawing
 from flightbed.document.html import render
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
-from flightbed.screen import campaign_lines
 from flightbed.statistics.intervals import median_interval, share
 from tests.command_line import flightbed
 from tests.lateral_flight import NAMES, SOON, rolling

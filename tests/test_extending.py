@@ -16,7 +16,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from flightbed import cli
+from flightbed.cli import main as cli
 from flightbed.config import families
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -22,9 +22,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flightbed
-from flightbed import cli
 from flightbed.analysis.seeds import Job, fly_jobs, processes
 from flightbed.avionics.onboard import OnBoard
+from flightbed.cli import main as cli
 from flightbed.config import families
 from flightbed.config.kinds import EstimatorSettings
 from flightbed.config.options import Options

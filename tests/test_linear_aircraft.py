@@ -11,8 +11,8 @@ import control
 import numpy as np
 import pytest
 
-from flightbed import cli
 from flightbed.aircraft.overlay import Aircraft, load_aircraft
+from flightbed.cli import main as cli
 from flightbed.core import data
 from flightbed.core.errors import AircraftError, UnknownNameError
 from flightbed.models.linear_aircraft import LinearAircraft, load_flyable, load_linear_aircraft

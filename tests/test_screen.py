@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from flightbed.cli.screen import study_lines
 from flightbed.document.document import Claim, Document, Picture, Section, Table
-from flightbed.screen import study_lines
 from flightbed.statistics.intervals import Interval, spread
 
 

@@ -12,8 +12,9 @@ from typing import Any
 
 import pytest
 
-from flightbed import cli, using
+from flightbed import using
 from flightbed.analysis.seeds import Job, fly_jobs
+from flightbed.cli import main as cli
 from flightbed.config import families
 from flightbed.core.errors import InputError
 from flightbed.document.document import Section

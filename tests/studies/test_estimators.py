@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from flightbed import cli
 from flightbed.analysis.seeds import Job, fly_jobs
+from flightbed.cli import main as cli
 from flightbed.config import families
 from flightbed.document.document import Document, show
 from flightbed.scenario.estimates import detectors

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightbed import cli
+from flightbed.cli import main as cli
 from flightbed.config import families
 from flightbed.document.document import Section
 from flightbed.studies.base import Part, Results, Study, Trials, distinct_jobs, reproduce

@@ -119,7 +119,7 @@ def run(
     if json:
         print(json_module.dumps({**result.summary.to_dict(), "folder": str(result.folder)}, indent=2))
     else:
-        from flightbed.screen import run_lines
+        from flightbed.cli.screen import run_lines
 
         _print(run_lines(result))
 
@@ -186,7 +186,7 @@ def compare(
     if json:
         print(json_module.dumps({**comparison.to_dict(read), "folder": str(written)}, indent=2))
     else:
-        from flightbed.screen import comparison_lines
+        from flightbed.cli.screen import comparison_lines
 
         _print(comparison_lines(read, written))
 
@@ -320,9 +320,9 @@ def campaign(
     """
     from flightbed.campaigns import run as campaigns
     from flightbed.campaigns.file import load_programme
+    from flightbed.cli.screen import campaign_lines, progress_bar
     from flightbed.config.own_code import using
     from flightbed.scenario.own_code import check_named
-    from flightbed.screen import campaign_lines, progress_bar
 
     with using(*(use or ())):
         with progress_bar() as progress:
@@ -367,11 +367,11 @@ def reproduce(
         json: Print what results.json holds, and the folder, as JSON and nothing else on stdout.
 
     """
+    from flightbed.cli.screen import progress_bar, study_lines
     from flightbed.config import families
     from flightbed.config.own_code import using
     from flightbed.core.files import check_target
     from flightbed.parallel.executor import opener
-    from flightbed.screen import progress_bar, study_lines
     from flightbed.studies.base import reproduce as recompute
     from flightbed.studies.base import with_own
     from flightbed.studies.folder import STUDY, write_study
@@ -404,6 +404,6 @@ def list_(family: Family | None = None, /) -> None:
         family: Only this family.
 
     """
-    from flightbed.screen import list_lines
+    from flightbed.cli.screen import list_lines
 
     _print(list_lines(family))
