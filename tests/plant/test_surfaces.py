@@ -18,7 +18,7 @@ from flightbed.fdm.jsbsim import Fdm
 from flightbed.models.trim import TrimPoint, trim
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.nonlinear import JsbsimPlant, Start
-from tests.test_aircraft import LOADS, POINTS, _settle, _stock
+from tests.aircraft.test_overlay import LOADS, POINTS, _settle, _stock
 
 ALTITUDE = 20000 * FT
 AT = 20  # onset of the fault, tick

@@ -18,9 +18,9 @@ from flightbed.cli import main as cli
 from flightbed.config import families
 from flightbed.document.document import Section
 from flightbed.studies.base import Part, Results, Study, Trials, distinct_jobs, reproduce
+from tests.campaigns.test_journal import workers_of
 from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
 from tests.studies.tiny import tiny
-from tests.test_journal import workers_of
 
 
 @pytest.fixture(autouse=True)

@@ -21,8 +21,8 @@ from flightbed.core.errors import InputError
 from flightbed.core.versions import versions
 from flightbed.parallel.executor import DEATHS, Work, opener, results
 from tests import dask_cluster
+from tests.campaigns.test_journal import LONGER, started
 from tests.command_line import flightbed
-from tests.test_journal import LONGER, started
 
 
 def _double(n: int) -> int:

@@ -19,7 +19,7 @@ from flightbed.models.linear_aircraft import LinearAircraft, load_flyable, load_
 from tests.command_line import flightbed
 
 TEXT = (data.shipped("aircraft") / "sillence" / "aircraft.toml").read_text(encoding="utf-8")
-GOLDEN = tomllib.loads((Path(__file__).parent / "golden" / "sillence.toml").read_text())
+GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "sillence.toml").read_text())
 
 
 def _folder(tmp_path: Path, text: str) -> Path:

@@ -34,8 +34,8 @@ from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import median_interval, share
 from tests.command_line import flightbed
+from tests.document.test_html import assert_self_contained, assert_sound, words
 from tests.lateral_flight import NAMES, SOON, rolling
-from tests.test_page import assert_self_contained, assert_sound, words
 
 SHORT = ["duration_s=3", "failures.0.at_s=1.5", "seed=7"]
 RUNS = 12  # more than a job's

@@ -12,7 +12,7 @@ import pytest
 
 from flightbed import load_scenario, run
 
-PATH = Path(__file__).resolve().parents[1] / "tools" / "tables" / "effectiveness.py"
+PATH = Path(__file__).resolve().parents[2] / "tools" / "tables" / "effectiveness.py"
 
 
 @pytest.fixture(scope="module")

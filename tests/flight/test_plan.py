@@ -101,7 +101,7 @@ def silent(_settings: object, _design: object, _control_hz: int) -> Law:
 
 
 def test_limit_command_needs_a_law_with_gains(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(families._BUILT_IN["laws"], "silent", "tests.test_plan:silent")
+    monkeypatch.setitem(families._BUILT_IN["laws"], "silent", "tests.flight.test_plan:silent")
     assert plan(load_scenario("thesis-loss", ["control.law=silent"])).gains is None
     with pytest.raises(DesignError, match=r"adaptation\.limit_command: needs a law with gains \(got 'silent'\)"):
         plan(load_scenario("thesis-loss", ["control.law=silent", "adaptation.limit_command=true"]))

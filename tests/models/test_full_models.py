@@ -23,7 +23,7 @@ from flightbed.models.trim import TrimPoint, trim
 from flightbed.plant.base import Controls, Motion
 from tests.command_line import assert_one_clear_line, flightbed
 
-SCHEMA = json.loads((Path(__file__).parent / "golden" / "linearize.schema.json").read_text())
+SCHEMA = json.loads((Path(__file__).parents[1] / "golden" / "linearize.schema.json").read_text())
 LEVEL = Query(altitude_ft=20500, mach=0.72)
 CESSNA = Query(altitude_ft=3000, cas_kt=100)
 

@@ -18,7 +18,7 @@ from flightbed.core.errors import ScenarioError
 from flightbed.core.versions import versions
 from flightbed.runs.run import run
 from flightbed.scenario.reading import Scenario, load_scenario
-from tests.test_journal import backwards
+from tests.campaigns.test_journal import backwards
 
 NOTHING = Metrics(False, None, None, None, None, {})
 

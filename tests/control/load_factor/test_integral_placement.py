@@ -13,7 +13,7 @@ import pytest
 from flightbed.control.load_factor.integral_placement import AckermannConfig, IntegralPlacement, augment
 from flightbed.studies.kemp import plants
 
-GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "kemp.toml").read_text())
+GOLDEN = tomllib.loads((Path(__file__).parents[2] / "golden" / "kemp.toml").read_text())
 F = plants.parameters("F")
 PLAIN = AckermannConfig((0.8, 0.8, 0.8), (0.0, 0.0, -0.01), (0, 0, -1))
 

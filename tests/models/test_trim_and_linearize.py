@@ -115,7 +115,7 @@ def test_model_against_a_least_squares_fit(
 
 
 def _envelope() -> list[dict[str, float]]:
-    path = Path(__file__).parent / "golden" / "envelope.csv"
+    path = Path(__file__).parents[1] / "golden" / "envelope.csv"
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
 

@@ -375,7 +375,8 @@ def test_errors_in_flight_have_file_line_and_time() -> None:
         with pytest.raises(ExtensionError) as caught:
             flightbed.run(scenario)
     assert (
-        str(caught.value).replace("tests/test_extension.py", str(Path(__file__))) == line or str(caught.value) == line
+        str(caught.value).replace("tests/config/test_own_code.py", str(Path(__file__))) == line
+        or str(caught.value) == line
     )
     assert isinstance(caught.value.__cause__, RuntimeError)
     ticks = []

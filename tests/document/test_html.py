@@ -13,7 +13,7 @@ from flightbed.document.document import Claim, Document, Listing, Picture, Secti
 from flightbed.document.drawing import distinct
 from flightbed.document.html import render
 from flightbed.statistics.intervals import Interval, Spread, outcome
-from tests.test_drawing import draw
+from tests.document.test_drawing import draw
 
 VOID = {"meta", "link", "br", "img", "input", "hr", "base", "source", "embed"}
 NASTY = """<script>alert("x & 'y'")</script>"""

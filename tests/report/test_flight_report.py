@@ -23,8 +23,8 @@ from flightbed.report.flight_report import ESTIMATOR_METRICS, run_report
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import chi_square_bound
+from tests.document.test_html import assert_self_contained, assert_sound, words
 from tests.lateral_flight import rolling
-from tests.test_page import assert_self_contained, assert_sound, words
 
 
 @pytest.fixture(scope="module")

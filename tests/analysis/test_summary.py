@@ -20,7 +20,7 @@ from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import SOON, rolling
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 SUMMARY_MODULES = {"flightbed/run_summary.py", "flightbed/campaign_summary.py"}
 FILES = sorted(p for folder in ("flightbed", "benchmarks", "examples", "tests") for p in (ROOT / folder).rglob("*.py"))
 
