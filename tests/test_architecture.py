@@ -1,118 +1,266 @@
-"""The house rules: edges stay at the edge, truth stays away from laws and estimators, modules stay small."""
+"""The rules of the source layout: imports go down, libraries stay in their package, truth never reaches the controller."""
 
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[1] / "flightbed"
-MODULES = sorted(PACKAGE.rglob("*.py"))
-EDGES = {
-    "jsbsim": "plant/jsbsim.py",
-    "rerun": "telemetry/",
-    "pydantic": "settings/",
-    "cyclopts": "cli.py",
-    "distributed": "engine.py",
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "flightbed"
+
+# Lowest level first. A package imports from lower levels and from itself.
+LEVELS: tuple[tuple[str, ...], ...] = (
+    ("core", "statistics"),
+    ("config", "document", "parallel", "fdm", "aircraft", "avionics"),
+    ("command", "failures", "estimation", "plant", "scenario"),
+    ("control", "models"),
+    ("flight",),
+    ("analysis", "testing"),
+    ("report", "telemetry", "studies"),
+    ("runs", "campaigns"),
+    ("cli",),
+)
+LEVEL = {package: number for number, level in enumerate(LEVELS, start=1) for package in level}
+# Modules beside the packages: the door, and names that programs outside rely on. Nothing inside imports them.
+DOORS = ("__init__", "__main__", "ensemble", "units")
+
+LIBRARIES = {
+    "jsbsim": "fdm",
+    "rerun": "telemetry",
+    "rerun_bindings": "telemetry",
+    "pydantic": "config",
+    "pydantic_core": "config",
+    "distributed": "parallel",
+    "cyclopts": "cli",
 }
 
 
-def _name(path: Path) -> str:
-    return path.relative_to(PACKAGE).as_posix()
+class Import(NamedTuple):
+    """One import of flightbed's own: from a module, to a module, in a line."""
+
+    source: str
+    target: str
+    line: int
+
+    def __str__(self) -> str:
+        return f"{self.source}:{self.line} imports {self.target}"
 
 
-def _imports(path: Path) -> set[str]:
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{_name(path)}: relative import"
-            found |= {f"{node.module}.{alias.name}" for alias in node.names} | {str(node.module)}
+def name_of(path: Path, root: Path) -> str:
+    """Return the dotted name of a module below a folder."""
+    parts = path.relative_to(root).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def modules(root: Path = ROOT) -> dict[str, ast.Module]:
+    """Return every module of flightbed by its dotted name."""
+    return {name_of(p, root): ast.parse(p.read_text()) for p in sorted((root / "flightbed").rglob("*.py"))}
+
+
+def imports(trees: Mapping[str, ast.Module]) -> Iterator[Import]:
+    """Yield every import of flightbed's own modules, also those in functions and under TYPE_CHECKING."""
+    for source, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                for alias in node.names:
+                    if alias.name.split(".")[0] == "flightbed":
+                        yield Import(source, alias.name, node.lineno)
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{source}:{node.lineno}: relative import"
+                if str(node.module).split(".")[0] == "flightbed":
+                    for alias in node.names:
+                        inner = f"{node.module}.{alias.name}"
+                        yield Import(source, inner if inner in trees else str(node.module), node.lineno)
+
+
+def package_of(module: str) -> str:
+    """Return the package of a module, or the name of a module beside the packages."""
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else "__init__"
+
+
+def upward(trees: Mapping[str, ast.Module]) -> list[str]:
+    """Return the imports that do not go to a lower level or stay in their package."""
+    found = []
+    for each in imports(trees):
+        source, target = package_of(each.source), package_of(each.target)
+        if source in DOORS or source == target:
+            continue
+        if target in DOORS or LEVEL[target] >= LEVEL[source]:
+            found.append(str(each))
     return found
 
 
-@pytest.mark.parametrize(("library", "home"), EDGES.items())
-def test_each_edge_library_is_imported_by_one_module_or_folder(library: str, home: str) -> None:
-    importers = {_name(p) for p in MODULES if any(i.split(".")[0] == library for i in _imports(p))}
-    assert importers
-    assert all(name == home or (home.endswith("/") and name.startswith(home)) for name in importers), importers
+def cycles(trees: Mapping[str, ast.Module]) -> list[list[str]]:
+    """Return the groups of modules that import each other in a ring (Tarjan's strongly connected components)."""
+    below: dict[str, set[str]] = {name: set() for name in trees}
+    for each in imports(trees):
+        if each.target in trees and each.target != each.source:
+            below[each.source].add(each.target)
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(name: str) -> None:
+        index[name] = low[name] = len(index)
+        stack.append(name)
+        for target in below[name]:
+            if target not in index:
+                visit(target)
+                low[name] = min(low[name], low[target])
+            elif target in stack:
+                low[name] = min(low[name], index[target])
+        if low[name] == index[name]:
+            ring = stack[stack.index(name) :]
+            del stack[stack.index(name) :]
+            if len(ring) > 1:
+                found.append(sorted(ring))
+
+    for name in below:
+        if name not in index:
+            visit(name)
+    return found
 
 
-def _reach(path: Path) -> set[str]:
-    """All flightbed modules that a module imports, directly or through others."""
-    seen: set[str] = set()
-    queue = [path]
-    while queue:
-        for name in _imports(queue.pop()):
-            file = PACKAGE.parent / (name.replace(".", "/") + ".py")
-            if name.startswith("flightbed.") and file.is_file() and name not in seen:
-                seen.add(name)
-                queue.append(file)
-    return seen
+TREES = modules()
 
 
-@pytest.mark.parametrize("family", ["control", "estimation"])
-def test_laws_and_estimators_see_neither_plant_nor_truth(family: str) -> None:
-    for path in (PACKAGE / family).glob("*.py"):
-        direct = _imports(path)
-        assert not any(name.startswith("flightbed.plant") for name in direct), _name(path)
-        assert "flightbed.core.signals.Truth" not in direct, _name(path)
-        tree = ast.parse(path.read_text())
+def test_every_package_has_a_level_and_every_level_a_package() -> None:
+    packages = {p.name for p in PACKAGE.iterdir() if (p / "__init__.py").is_file()}
+    assert packages == set(LEVEL)
+    assert len(LEVELS) <= 10
+
+
+def test_imports_go_down() -> None:
+    assert upward(TREES) == []
+
+
+def test_no_modules_import_each_other_in_a_ring() -> None:
+    assert cycles(TREES) == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from flightbed.flight.loop import fly",
+        "def f():\n    from flightbed.flight import loop",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from flightbed.flight.loop import Flight",
+        "import flightbed.plant.base",
+        "from flightbed import units",
+        "from flightbed import load_scenario",
+    ],
+)
+def test_an_import_that_goes_up_is_found(line: str) -> None:
+    planted = {**TREES, "flightbed.estimation.planted": ast.parse(line)}
+    (found,) = upward(planted)
+    assert found.startswith("flightbed.estimation.planted:")
+
+
+def test_a_ring_is_found() -> None:
+    trees = {
+        "flightbed.core.a": ast.parse("from flightbed.core import b"),
+        "flightbed.core.b": ast.parse("def f():\n    from flightbed.core.c import x"),
+        "flightbed.core.c": ast.parse("from flightbed.core.a import x"),
+    }
+    assert cycles(trees) == [["flightbed.core.a", "flightbed.core.b", "flightbed.core.c"]]
+
+
+def test_a_newcomer_finds_at_most_thirty_names() -> None:
+    names = {p.name for p in PACKAGE.iterdir() if not p.name.endswith("_data") and p.name != "__pycache__"}
+    assert len(names) <= 30, sorted(names)
+    beside = {p.stem for p in PACKAGE.glob("*.py")}
+    assert beside == set(DOORS)
+
+
+def _libraries(tree: ast.Module) -> set[str]:
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(str(node.module).split(".")[0])
+    return found
+
+
+@pytest.mark.parametrize(("library", "home"), LIBRARIES.items())
+def test_each_library_is_imported_by_one_package(library: str, home: str) -> None:
+    importers = {name for name, tree in TREES.items() if library in _libraries(tree)}
+    assert {package_of(name) for name in importers} <= {home}, importers
+
+
+def test_the_packages_of_single_libraries_exist() -> None:
+    used = {library for tree in TREES.values() for library in _libraries(tree)}
+    assert {"jsbsim", "rerun", "pydantic", "distributed", "cyclopts"} <= used
+
+
+@pytest.mark.parametrize("package", ["control", "estimation", "avionics"])
+def test_truth_never_reaches_the_controller(package: str) -> None:
+    below: dict[str, set[str]] = {}
+    for each in imports(TREES):
+        below.setdefault(each.source, set()).add(each.target)
+    for name, tree in TREES.items():
+        if package_of(name) != package:
+            continue
         names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
         names |= {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute)}
-        assert not {"Truth", "truth", "Sample"} & names, _name(path)
-        assert "flightbed.core.signals.Sample" not in direct, _name(path)
-        assert "flightbed.fdm.jsbsim" not in _reach(path), _name(path)
+        names |= {a.name for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) for a in n.names}
+        assert not {"Truth", "truth", "Sample"} & names, name
+        reached, queue = set[str](), [name]
+        while queue:
+            for target in below.get(queue.pop(), ()):
+                if target not in reached:
+                    reached.add(target)
+                    queue.append(target)
+        assert not {m for m in reached if package_of(m) in ("plant", "fdm")}, name
 
 
-def test_units_and_errors_import_nothing_of_the_house() -> None:
-    assert not any(name.startswith("flightbed") for name in _imports(PACKAGE / "errors.py"))
-    assert _imports(PACKAGE / "units.py") == set()
+def test_units_and_errors_import_nothing_of_flightbed() -> None:
+    assert not [each for each in imports(TREES) if each.source in ("flightbed.core.units", "flightbed.core.errors")]
 
 
-def test_nothing_below_the_command_line_prints() -> None:
-    for path in MODULES:
-        calls = {
-            n.func.id
-            for n in ast.walk(ast.parse(path.read_text()))
-            if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
-        }
-        assert _name(path) in ("cli.py", "__main__.py") or "print" not in calls, _name(path)
+def test_only_the_command_line_prints() -> None:
+    for name, tree in TREES.items():
+        calls = {n.func.id for n in ast.walk(tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
+        assert package_of(name) in ("cli", "__main__") or "print" not in calls, name
 
 
 def test_no_function_rebinds_a_module_level_name() -> None:
-    for path in MODULES:
-        tree = ast.parse(path.read_text())
-        assert not any(isinstance(n, ast.Global) for n in ast.walk(tree)), _name(path)
+    for name, tree in TREES.items():
+        assert not any(isinstance(n, ast.Global) for n in ast.walk(tree)), name
 
 
-def test_modules_stay_small() -> None:
-    sizes = {_name(p): len(p.read_text().splitlines()) for p in MODULES}
-    assert max(sizes.values()) <= 400, max(sizes, key=lambda n: sizes[n])
+def test_public_names_are_what_they_should_be_after_every_module_is_imported() -> None:
+    """A subpackage with the name of a public function would take its place once it is imported."""
+    code = """
+import importlib, inspect, pkgutil
+import flightbed
+modules = [m.name for m in pkgutil.walk_packages(flightbed.__path__, "flightbed.")]
+for name in modules:
+    if not name.endswith("__main__"):
+        importlib.import_module(name)
+assert len(modules) > 100, modules
+for name in flightbed.__all__:
+    found = getattr(flightbed, name)
+    assert not inspect.ismodule(found), name
+    assert inspect.isclass(found) if name[0].isupper() else inspect.isfunction(found), (name, found)
+    assert found.__name__ == name, (name, found)
+from flightbed.testing import check_estimator
+from flightbed.ensemble import Flown, Job, fly_jobs, histories, processes
+from flightbed.units import DEG, FT, unit_of
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
 
 
-WRITERS = {
-    "mission",
-    "folder",
-    "report",
-    "comparison",
-    "live",
-    "telemetry",
-    "journal",
-    "engine",
-    "campaign",
-    "campaign_folder",
-}
-
-
-@pytest.mark.parametrize("value", ["run_summary", "flight_result", "campaign_summary", "campaign_result"])
-def test_values_know_nothing_of_the_actions_that_fly_and_write(value: str) -> None:
-    reached = {name.split(".")[1] for name in _reach(PACKAGE / f"{value}.py")}
-    assert not WRITERS & reached, WRITERS & reached
-
-
-@pytest.mark.parametrize("view", ["report", "lead", "points", "multiples", "ensembles", "folder"])
-def test_views_of_a_campaign_do_not_import_the_action(view: str) -> None:
-    assert "flightbed.campaigns.run" not in _imports(PACKAGE / f"campaign_{view}.py")
+def test_tests_mirror_the_packages() -> None:
+    tests = ROOT / "tests"
+    folders = {p.relative_to(tests) for p in tests.rglob("*") if p.is_dir() and list(p.glob("test_*.py"))}
+    packages = {p.parent.relative_to(PACKAGE) for p in PACKAGE.rglob("__init__.py")}
+    assert folders <= packages | {Path()}, folders - packages

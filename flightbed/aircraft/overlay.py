@@ -120,7 +120,7 @@ class Aircraft:
 def load_aircraft(name: str) -> Aircraft:
     """Read an overlay aircraft by shipped name or folder.
 
-    Raises UnknownNameError, or AircraftError for an invalid overlay or a linear model (``linear_aircraft.py``).
+    Raises UnknownNameError, or AircraftError for an invalid overlay or a linear model (``models/linear_aircraft.py``).
     """
     folder = data.find("aircraft", name)
     path = folder / "aircraft.toml"

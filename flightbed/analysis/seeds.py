@@ -91,15 +91,15 @@ def fly_jobs(
     """Fly all jobs; returns the flights of each job, in order of their seeds.
 
     Own code that is permitted here (``flightbed.using``) is permitted in the worker processes too: they import it again, so a class
-    passed in Python must be importable there. If a worker process dies, its flights are repeated (``engine.results``).
+    passed in Python must be importable there. If a worker process dies, its flights are repeated (``executor.results``).
 
     Args:
         jobs: the flights.
-        executor: an executor, or a function that opens one (``engine.opener``); None flies in this process.
+        executor: an executor, or a function that opens one (``executor.opener``); None flies in this process.
         progress: called with the number of flights that finished since the last call.
 
     Raises:
-        InputError: a flight ends its worker process every time; and as ``engine.results``. Errors of a flight propagate.
+        InputError: a flight ends its worker process every time; and as ``executor.results``. Errors of a flight propagate.
 
     """
     jobs = [replace(job, extensions=job.extensions or named_by(job.scenario)) for job in jobs]
@@ -119,12 +119,12 @@ def run_jobs(
     Args:
         jobs: the jobs.
         run: job -> one result per seed; other processes must be able to import it.
-        executor: an executor, or a function that opens one (``engine.opener``); None runs in this process.
+        executor: an executor, or a function that opens one (``executor.opener``); None runs in this process.
         progress: called with the number of runs that finished since the last call.
         label: job -> its name in an error.
 
     Raises:
-        InputError: a run ends its worker process every time; and as ``engine.results``. Errors of ``run`` propagate.
+        InputError: a run ends its worker process every time; and as ``executor.results``. Errors of ``run`` propagate.
 
     """
 

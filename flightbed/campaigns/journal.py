@@ -1,8 +1,8 @@
 """Folder of a campaign in progress: finished chunks are on disk, and a partly written chunk after a kill or a full disk is flown again.
 
 The folder ``unfinished/`` marks an unfinished campaign. It holds ``campaign.json`` (name and fingerprint of the campaign), ``rows.jsonl``
-(one line per flight, in the order of arrival), and the files of ``campaign_histories.py``. A chunk is done if all its rows and its
-histories are there. Chunks have ``engine.CHUNK`` flights: a folder can be continued only with the same chunk size.
+(one line per flight, in the order of arrival), and the files of ``campaigns/histories.py``. A chunk is done if all its rows and its
+histories are there. Chunks have ``executor.CHUNK`` flights: a folder can be continued only with the same chunk size.
 """
 
 from __future__ import annotations

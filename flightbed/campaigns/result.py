@@ -22,7 +22,7 @@ class Campaign:
     Attributes:
         programme: the flights.
         rows: one per flight, in order of their indices: column -> value, None where the flight has none.
-        histories: point -> histories of the columns ``campaign_flights.HISTORIES`` and ``<name>.effectiveness_smoothed``; of the points
+        histories: point -> histories of the columns ``worker.HISTORIES`` and ``<name>.effectiveness_smoothed``; of the points
             that keep them, and in which some flight did not raise.
         worst: the worst flight, flown once more, complete; None where every flight raised.
         worst_index: its index.

@@ -36,8 +36,8 @@ def run(
 ) -> tuple[Campaign | None, Path]:
     """Fly a campaign and write its folder: scenario, campaign file, table, summary and report.
 
-    Finished chunks are stored in the folder (``journal.py``). After an interrupt or a kill, ``resume`` flies the rest; the table is the
-    same bit for bit.
+    Finished chunks are stored in the folder (``campaigns/journal.py``). After an interrupt or a kill, ``resume`` flies the rest;
+    the table is the same bit for bit.
 
     Args:
         flights: a programme, or a scenario for ``runs`` flights with successive seeds.
@@ -89,13 +89,13 @@ def fly(
     Args:
         flights: a programme or a scenario.
         runs: flights of a scenario.
-        executor: an executor (``processes.local_processes``), or a function that opens one (``engine.opener``); None flies in this
+        executor: an executor (``processes.local_processes``), or a function that opens one (``executor.opener``); None flies in this
             process, where a flight that ends the process ends everything. The flights do not depend on it.
         progress: called with the numbers of finished flights and of all flights, whenever some finish.
 
     Raises:
-        InputError, NotComputableError: as ``mission.run``, for a scenario; InputError also for runs < 1, for seeds beyond the largest,
-            and as ``engine.results``.
+        InputError, NotComputableError: as ``runs.run.run``, for a scenario; InputError also for runs < 1, for seeds beyond the largest,
+            and as ``executor.results``.
 
     """
     programme = plain(flights, runs) if isinstance(flights, Scenario) else flights

@@ -170,7 +170,7 @@ class Resampled:
 
     Attributes:
         mean: BCa; None where some flight never reached the quantity.
-        percentiles: percent -> percentile method, of ``percentiles.PERCENTILES``.
+        percentiles: percent -> percentile method, of ``histories.PERCENTILES``.
 
     """
 
@@ -197,8 +197,8 @@ class TrackingSummary:
     """Statistics of the tracking RMS that judges a campaign.
 
     Attributes:
-        followed: column, quantity and unit, see ``campaign_table.followed``.
-        percentiles: percent -> percentile with its exact distribution-free 95 % interval, of ``percentiles.PERCENTILES``; empty where no
+        followed: column, quantity and unit, see ``table.followed``.
+        percentiles: percent -> percentile with its exact distribution-free 95 % interval, of ``histories.PERCENTILES``; empty where no
             flight has the quantity.
 
     """

@@ -117,7 +117,7 @@ def _own_code(summary: RunSummary) -> str:
 
 
 def _tracked(summary: RunSummary, what: str, key: str, unit: str) -> str:
-    """Return the tracking RMS of one quantity of ``card.followed`` in words."""
+    """Return the tracking RMS of one quantity of ``summary_text.followed`` in words."""
     before, after = (summary.metrics.tracking_rms(phase, key) for phase in PHASES)
     words = f"RMS of {what} {_number(before)} {unit}"
     return words if summary.failed_at_s is None else f"{words}, {_number(after)} {unit} from 0.3 s after the failure"

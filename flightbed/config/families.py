@@ -1,8 +1,8 @@
 """Registry of factories by name: built-in, installed as entry points, and permitted by the user.
 
 A package registers a factory by an entry point in the group ``flightbed.estimators`` (or ``laws``, ``commands``, ``failures``); the
-factory has the signature of the built-in ones in ``factories.py``. A factory in ``flightbed.studies`` takes no arguments and returns a
-``studies.base.Study``. Code that is not installed, ``module:Attribute``, is registered while it is permitted (``extension.py``).
+factory has the signature of the built-in ones, the functions ``build`` beside the algorithms. A factory in ``flightbed.studies`` takes no
+arguments and returns a ``studies.base.Study``. Code that is not installed, ``module:Attribute``, is registered while it is permitted (``config/own_code.py``).
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ FAMILIES = tuple(_BUILT_IN)
 
 
 class Permitted(Protocol):
-    """Code from outside the package that is permitted: see ``extension.Extension``."""
+    """Code from outside the package that is permitted: see ``own_code.Extension``."""
 
     @property
     def name(self) -> str:

@@ -121,7 +121,7 @@ class GustSettings(Settings):
 
 
 class Failure(OwnSettings):
-    """A failure from at_s on; ``consistency.py`` lists the keys that each kind needs or ignores."""
+    """A failure from at_s on; ``scenario/checks.py`` lists the keys that each kind needs or ignores."""
 
     kind: Annotated[str, registered("failures")] = "effectiveness"
     surface: Literal["elevator", "aileron", "rudder"] = "elevator"

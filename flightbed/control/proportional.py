@@ -39,10 +39,12 @@ class Proportional:
 
 
 def wanted_poles(settings: kinds.Control) -> list[complex] | None:
+    """Return the closed-loop poles of the settings, rad/s; None for the default poles."""
     return None if settings.poles is None else [complex(re, im) for re, im in settings.poles]
 
 
 def given_gains(gains: kinds.GainSettings, *, integral: float = 0.0) -> Gains:
+    """Return the gains of the settings, with their signs as in ``control.base.Gains``."""
     return Gains(gains.alpha, gains.q_s, gains.elevator, gains.reference_s, integral)
 
 

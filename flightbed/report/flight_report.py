@@ -23,7 +23,7 @@ from flightbed.report.figures import pictures
 if TYPE_CHECKING:
     from flightbed.analysis.result import Result
 
-# metric of an estimator -> (unit, meaning); "the failure" is the first change of K, see metrics.py
+# metric of an estimator -> (unit, meaning); "the failure" is the first change of K, see analysis/metrics.py
 ESTIMATOR_METRICS = MappingProxyType(
     {
         "final": ("1", "last K-hat"),
@@ -50,7 +50,7 @@ def run_report(result: Result) -> Document:
     """Return the report of a flight; equal flights give an equal report, apart from the wall time.
 
     Args:
-        result: the flight, as ``mission.run`` returns it, written to a folder or not.
+        result: the flight, as ``runs.run.run`` returns it, written to a folder or not.
 
     """
     scenario, summary = result.plan.scenario, result.summary

@@ -1,4 +1,4 @@
-"""Folders of runs, studies and comparisons, written atomically; the folder of a campaign grows, see journal.py."""
+"""Folders of runs, studies and comparisons, written atomically; the folder of a campaign grows, see campaigns/journal.py."""
 
 from __future__ import annotations
 

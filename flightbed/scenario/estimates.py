@@ -9,7 +9,7 @@ from flightbed.scenario.tables import Scenario
 
 
 def estimates(scenario: Scenario) -> tuple[str, ...]:
-    """Return the names of a flight's estimates, in order (``naming.py``)."""
+    """Return the names of a flight's estimates, in order (``core/estimate_names.py``)."""
     return tuple(name for e in scenario.estimators for name in _estimates_of(e, lateral=scenario.lateral.enabled))
 
 

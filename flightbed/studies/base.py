@@ -86,7 +86,7 @@ def with_own(study: Study, use: Sequence[str], settings: Sequence[Path]) -> Stud
 
     Args:
         study: the study.
-        use: names of the code, which must be permitted here (``extension.using``).
+        use: names of the code, which must be permitted here (``own_code.using``).
         settings: TOML files with their settings.
 
     Raises:
@@ -139,7 +139,7 @@ def run_trials(
 
     Args:
         trials: simulations to run.
-        executor: as in ``ensemble.fly_jobs``; None runs them in this process.
+        executor: as in ``seeds.fly_jobs``; None runs them in this process.
         progress: called with the number of runs just completed.
 
     """
@@ -156,16 +156,16 @@ def reproduce(
 ) -> Document:
     """Run the jobs of all parts of a study, each distinct job once, and return the report.
 
-    If a worker process dies, its runs are repeated (``engine.results``).
+    If a worker process dies, its runs are repeated (``executor.results``).
 
     Args:
         study: the study.
         runs: flights or trials per case.
-        executor: an executor, or a function that opens one (``engine.opener``); None runs in this process.
+        executor: an executor, or a function that opens one (``executor.opener``); None runs in this process.
         progress: called after each chunk of runs with the numbers of completed runs and of all runs.
 
     Raises:
-        InputError: as ``ensemble.run_jobs``.
+        InputError: as ``seeds.run_jobs``.
 
     """
     began, done = time.perf_counter(), 0

@@ -1,4 +1,4 @@
-"""The process that streams a live flight to the viewer: reads ticks from standard input; see ``live.py``."""
+"""The process that streams a live flight to the viewer: reads ticks from standard input; see ``telemetry/live.py``."""
 
 from __future__ import annotations
 

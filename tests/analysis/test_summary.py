@@ -21,7 +21,7 @@ from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import SOON, rolling
 
 ROOT = Path(__file__).resolve().parents[2]
-SUMMARY_MODULES = {"flightbed/run_summary.py", "flightbed/campaign_summary.py"}
+SUMMARY_MODULES = {"flightbed/analysis/summary.py", "flightbed/campaigns/summary.py"}
 FILES = sorted(p for folder in ("flightbed", "benchmarks", "examples", "tests") for p in (ROOT / folder).rglob("*.py"))
 
 

@@ -184,4 +184,5 @@ def second_order(
 
 
 def wanted_poles(settings: kinds.Control) -> Sequence[complex]:
+    """Return the closed-loop poles of the settings, rad/s; without any, ``POLES``."""
     return POLES if settings.poles is None else [complex(re, im) for re, im in settings.poles]

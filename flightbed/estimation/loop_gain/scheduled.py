@@ -16,14 +16,14 @@ def tick(
     bank: Array, settings: Array, schedule: Array, dt: float, elevator: float, z0: float, z1: float,
     alpha: float, q: float, mach: float, altitude_m: float, theta: float, phi: float, k: int,
 ) -> TickResult:  # fmt: skip
-    """Advance a bank by one sample on the schedule: ``kernels.tick`` with the model of the period that ends now.
+    """Advance a bank by one sample on the schedule: ``filter_bank.tick`` with the model of the period that ends now.
 
     If the process noise follows disturbances, the gust's pitch rate is also subtracted. A vertical gust w that varies along the flight
     path rotates the surrounding air at q_g = (s/V) / (1 + 4 b s/(pi V)) w (MIL-F-8785C 3.7.2); w/V is estimated by the change of alpha
     that the model does not explain. A Wiener gain, 1 - noise/total, removes the sensor's share.
 
     Args:
-        bank, settings, k: as in ``kernels.tick``; the model in the settings is overwritten.
+        bank, settings, k: as in ``filter_bank.tick``; the model in the settings is overwritten.
         schedule: ``Schedule.packed()``.
         dt: the period, s.
         elevator: mean measured deflection over the period, rad.
@@ -31,7 +31,7 @@ def tick(
         alpha, q, mach, altitude_m, theta, phi: measured at the period's start.
 
     Returns:
-        As in ``kernels.tick``.
+        As in ``filter_bank.tick``.
 
     """
     if k > 0:

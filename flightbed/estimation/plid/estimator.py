@@ -32,6 +32,7 @@ FORMS = MappingProxyType({"factored": FACTORED, "plain": CONVENTIONAL})
 
 
 def dtype_of(precision: str) -> Literal["float64", "float32"]:
+    """Return the dtype of a precision, ``"double"`` or ``"single"``."""
     return "float32" if precision == "single" else "float64"
 
 

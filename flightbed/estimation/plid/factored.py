@@ -27,7 +27,7 @@ def step(
     u: float,
     first: bool,
 ) -> tuple[Any, Any, Any]:
-    """Advance state and factors by one sample: equivalent to ``plid.step`` without forming P.
+    """Advance state and factors by one sample: equivalent to ``identify.step`` without forming P.
 
     The block fade, Kemp eqs (7.18)-(7.20), requires D_2' = alpha D_2, S' = S / alpha and the factors of U_1 D_1 U_1' + S (D_2 -
     D_2 / alpha) S'. Kemp inverts U_1, forms a product and factors it; here the columns of S join the Gram-Schmidt step of the rows above,
@@ -39,7 +39,7 @@ def step(
         s: (N,) extended state, updated.
         UD: (N, N) factors, D on the diagonal, updated; elements below the diagonal are not read.
         gain: (N,) Kalman gain, written.
-        settings: as in ``plid.step``.
+        settings: as in ``identify.step``.
         y_before, u_before: output and input of the previous sample.
         y, u: output and, for feedthrough, input of this sample.
         first: whether this is the first sample.

@@ -196,7 +196,7 @@ class Plid:
 
     Args:
         config: settings.
-        form: form of the covariance: conventional, or factored (``udu.FACTORED``).
+        form: form of the covariance: conventional, or factored (``factored.FACTORED``).
 
     """
 

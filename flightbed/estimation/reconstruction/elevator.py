@@ -94,7 +94,7 @@ class PitchMotion:
 
 
 class Disturbances:
-    """Disturbances estimated from the readings, as in ``kernels.disturbance``, in standard deviations of the sensors; owns its sums."""
+    """Disturbances estimated from the readings, as in ``filter_bank.disturbance``, in standard deviations of the sensors; owns its sums."""
 
     def __init__(self) -> None:
         self._bank, self._settings, self._tick = filter_bank.new_bank(1), np.ones(23), 0
@@ -124,8 +124,8 @@ class ElevatorReconstruction:
     """The acting deflection by one of the methods, K by regression, and the test; an Estimator, and Commanded.
 
     Only the test uses the commands. ``alarms`` counts the declared deviations that no K explains; ``verdict`` is the kind of the present
-    one: ``following_kernels.OFFSET`` (the acting deflection does not follow the measured one: a bias, or a detached surface) or
-    ``following_kernels.ACTUATOR`` (the measured deflection does not follow the command: stuck, hardover, rate-limited).
+    one: ``regression_kernels.OFFSET`` (the acting deflection does not follow the measured one: a bias, or a detached surface) or
+    ``regression_kernels.ACTUATOR`` (the measured deflection does not follow the command: stuck, hardover, rate-limited).
 
     Args:
         config: settings.

@@ -79,7 +79,7 @@ class InputReconstruction(NamedTuple):
         input: u^.
         state: (2,) alpha and q.
         innovation: (2,) readings minus their prediction.
-        F, G: (n, n), (n, 2): propagation of the method's error, as in ``following_kernels.follow``.
+        F, G: (n, n), (n, 2): propagation of the method's error, as in ``regression_kernels.follow``.
 
     """
 

@@ -158,7 +158,7 @@ def follow(
     Args:
         response, noise, cross, spread, sums, ages, offset_signs, marks: the fields of ``Following``, updated; as separate arguments,
             because passing a tuple of arrays to compiled code takes as long as the tick itself.
-        settings: as from ``following.packed``.
+        settings: as from ``regression.packed``.
         F: (n, n) transition of the filter's error from this tick to the next, without the input of the period that begins; component
             ``OUT`` of the result is u^.
         G: (n, 2) effect of the sensors' errors on it.

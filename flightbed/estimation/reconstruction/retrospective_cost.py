@@ -8,7 +8,7 @@ can generate it. If the zeros of the model are inside the unit circle, u^ conver
 and the optimum must be kept small (regularization, saturation).
 
 Corrections to the paper: past inputs enter z with a minus (9)-(12); (37) prints y for z, which (6) feeds back; (39) lacks a minus; the
-left side of (30) is U*. ``retrospective_kernels.py`` contains the corrected equations.
+left side of (30) is U*. ``estimation/reconstruction/retrospective_kernels.py`` contains the corrected equations.
 """
 
 from __future__ import annotations

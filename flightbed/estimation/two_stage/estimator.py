@@ -104,8 +104,8 @@ def _disturbances(
 
     The residual of one step between readings, e = z - (A z_last + B K u + c), contains the disturbances; in a leaky sum over about 15
     ticks the sensor noise, which enters as differences, nearly cancels, and lasting gusts accumulate. The mean square of this sum over
-    the last seconds, minus the share of the sensors, gives the variance of the equivalent white noise. As ``kernels.disturbance``, for n
-    states.
+    the last seconds, minus the share of the sensors, gives the variance of the equivalent white noise. As
+    ``filter_bank.disturbance``, for n states.
     """
     slow = max(1.0 / 300.0, 1.0 / (k + 20.0))
     found = np.zeros(z.size)

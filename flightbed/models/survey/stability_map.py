@@ -36,7 +36,7 @@ def draw(aircraft: str, queries: Sequence[Query], rows: Sequence[Mapping[str, An
     Args:
         aircraft: name for the title.
         queries: conditions, a full grid.
-        rows: one row per condition (``documents.row``), ``no_trim`` empty for a trimmed condition.
+        rows: one row per condition (``rows.row``), ``no_trim`` empty for a trimmed condition.
         suffix: ``".png"``, ``".svg"`` or ``".pdf"``.
 
     """

@@ -27,7 +27,7 @@ def not_worse(values: Mapping[str, Values]) -> tuple[str, ...]:
     """Return the name with the least median first, then those that are not worse by 95 % confidence, flight by flight.
 
     The differences from the first are taken on the same seeds; an estimator is not worse if the exact interval of their median
-    (``statistics.median_interval``) reaches 0 or less. Estimators with an infinite median are left out.
+    (``intervals.median_interval``) reaches 0 or less. Estimators with an infinite median are left out.
     """
     able = {name: centre(v) for name, v in values.items() if centre(v) < inf}
     if not able:

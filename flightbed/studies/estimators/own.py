@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from flightbed.config.families import in_use, summary
 from flightbed.config.kinds import EstimatorSettings
 from flightbed.config.reading import frozen, problems, read_toml
+from flightbed.config.table import ValidationError
 from flightbed.core.errors import InputError, ScenarioError
 from flightbed.studies.estimators.comparison import Comparison
 from flightbed.studies.estimators.entrants import UNDECLARED, Entrant
@@ -24,7 +23,7 @@ def own_entrants(use: Sequence[str], files: Sequence[Path], compared: Comparison
     """Return the user's estimators, checked: they keep the contract of an estimator, and at least one of the flights takes them.
 
     Args:
-        use: names of permitted code (``extension.using``), each an entrant with its default settings unless a file has its ``kind``.
+        use: names of permitted code (``own_code.using``), each an entrant with its default settings unless a file has its ``kind``.
         files: TOML files, each with the keys of one ``[[estimators]]`` table, ``options`` among them. ``kind`` may be missing where
             one name is used, ``name`` always: it is then the attribute's.
         compared: estimators and flights beside them.

@@ -1,7 +1,7 @@
 """The augmented filter of Theorem 1 for any number of states and measurements: prediction and correction, compiled or plain.
 
 A bank holds W filters, along the last axis so that the innermost loops run over the filters. The filters of the aircraft, with two
-measured states, use ``kernels.step``, which gives bit-identical results.
+measured states, use ``filter_bank.step``, which gives bit-identical results.
 """
 
 from __future__ import annotations
