@@ -2,7 +2,8 @@
 
 A package registers a factory by an entry point in the group ``flightbed.estimators`` (or ``laws``, ``commands``, ``failures``); the
 factory has the signature of the built-in ones, the functions ``build`` beside the algorithms. A factory in ``flightbed.studies`` takes no
-arguments and returns a ``studies.base.Study``. Code that is not installed, ``module:Attribute``, is registered while it is permitted (``config/own_code.py``).
+arguments and returns a ``studies.base.Study``. Code that is not installed, ``module:Attribute``, is registered while it is permitted
+(``config/own_code.py``).
 """
 
 from __future__ import annotations
