@@ -1,1 +1,1 @@
-"""The command line. The only package that imports cyclopts."""
+"""The command line, one command per file. The only package that imports cyclopts."""

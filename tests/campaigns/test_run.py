@@ -26,7 +26,7 @@ from flightbed.campaigns.settings import Criterion
 from flightbed.campaigns.summary import QuantitySummary
 from flightbed.campaigns.table import Quantity, Row, passes
 from flightbed.campaigns.worker import HISTORIES
-from flightbed.cli.screen import campaign_lines
+from flightbed.cli.campaign import campaign_lines
 from flightbed.core.errors import InputError, OutputError
 from flightbed.document import drawing
 from flightbed.document.html import render
@@ -261,7 +261,7 @@ def test_what_a_terminal_shows(flown: Campaign) -> None:
     assert f"0 of {RUNS} flights departed" in shown
     assert flown.summary.worst is not None
     seed = flown.summary.worst.seed
-    assert f"again: flightbed run campaigns/x/scenario.toml --set seed={seed}\n" in shown
+    assert f"worst flight: flightbed run campaigns/x/scenario.toml --set seed={seed}\n" in shown
     error = flown.quantity("scheduled.median_abs_error_post").median.estimate
     (row,) = (line.split() for line in shown.splitlines() if line.startswith("  scheduled "))
     assert row[1] == f"{error:.3g}"

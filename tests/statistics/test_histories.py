@@ -22,7 +22,7 @@ from flightbed.campaigns.plan import Programme, few, scenario_of
 from flightbed.campaigns.report.histories import histories_sections
 from flightbed.campaigns.settings import CampaignSettings
 from flightbed.campaigns.worker import chunk_of
-from flightbed.cli.screen import campaign_lines
+from flightbed.cli.campaign import campaign_lines
 from flightbed.parallel.executor import CHUNK
 from flightbed.runs.run import run as fly_one
 from flightbed.statistics import histories

@@ -1,4 +1,4 @@
-"""A study on the screen: its first table, its verdicts, and text in brackets that stays text."""
+"""`flightbed reproduce`: the printed study; text in brackets is not markup."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from flightbed.cli.screen import study_lines
+from flightbed.cli.reproduce import study_lines
 from flightbed.document.document import Claim, Document, Picture, Section, Table
 from flightbed.statistics.intervals import Interval, spread
 
 
-def _shown(*verdicts: bool | None, text: str = "plain") -> list[str]:
+def _printed(*verdicts: bool | None, text: str = "plain") -> list[str]:
     first = Table("t", text, (text, "K"), [[text, spread([0.5, 0.5])], [None, 0.125]], {"K": ".2f"}, note=text)
     claims = [Claim(f"c{i}", text, "share", Interval(0.5, 0.25, 0.75, 9), holds) for i, holds in enumerate(verdicts)]
-    other = Table("u", "", ("not shown",), [])
+    other = Table("u", "", ("not printed",), [])
     sections = [Section("", (), [first, *claims]), Section("", (), [other, Picture("p", "", "<svg/>", "")])]
     document = Document(text, sections, {"flights": 1234, "wall_time_s": 5.6})
     out = io.StringIO()
@@ -26,8 +26,8 @@ def _shown(*verdicts: bool | None, text: str = "plain") -> list[str]:
     return [" ".join(line.split()) for line in out.getvalue().splitlines()]
 
 
-def test_a_study_is_told_by_its_first_table_its_claims_and_where_the_rest_is() -> None:
-    assert [line for line in _shown(True, False, None, True) if line] == [
+def test_a_study_prints_its_first_table_its_claims_and_its_folder() -> None:
+    assert [line for line in _printed(True, False, None, True) if line] == [
         "plain",
         "plain K",
         "plain 0.50 [0.50, 0.50]",
@@ -42,5 +42,5 @@ def test_a_study_is_told_by_its_first_table_its_claims_and_where_the_rest_is() -
 
 
 @pytest.mark.parametrize("text", ["[red]K[/red]", "[/]", "[link=x]", "+-5 [deg/s]"])
-def test_text_in_brackets_is_no_markup(text: str) -> None:
-    assert _shown(True, text=text) == [line.replace("plain", text) for line in _shown(True)]
+def test_text_in_brackets_is_not_markup(text: str) -> None:
+    assert _printed(True, text=text) == [line.replace("plain", text) for line in _printed(True)]
