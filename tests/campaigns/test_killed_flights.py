@@ -28,7 +28,7 @@ NAME = "deadly.py:Deadly"
 CODE = """
 import os, signal
 from flightbed.estimation.loop_gain import LoopGain
-from flightbed.factories import loop_gain_config
+from flightbed.estimation.loop_gain.estimator import loop_gain_config
 
 
 class Deadly:

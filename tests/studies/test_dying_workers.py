@@ -29,7 +29,7 @@ CODE = '''
 import os, signal, random
 from multiprocessing import parent_process
 from flightbed.estimation.loop_gain import LoopGain
-from flightbed.factories import loop_gain_config
+from flightbed.estimation.loop_gain.estimator import loop_gain_config
 
 
 def kill_first(marker):
