@@ -17,9 +17,13 @@ from flightbed.cli.run import run
 from flightbed.cli.trim import trim
 from flightbed.cli.view import view
 
-for _command in (campaign, linearize, reproduce, run, trim, view):
-    app.command(_command)
+app.command(run)
+app.command(view)
 app.command(compare, usage="Usage: flightbed compare [OPTIONS] RUN RUN...")
+app.command(trim)
+app.command(linearize)
+app.command(campaign)
+app.command(reproduce)
 app.command(list_, name="list", usage="Usage: flightbed list [FAMILY]")
 
 
