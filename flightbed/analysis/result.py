@@ -27,7 +27,7 @@ from flightbed.analysis.summary import (
     TrimSummary,
 )
 from flightbed.analysis.trace import Trace, collect, from_rows
-from flightbed.config.tracebacks import watched
+from flightbed.config.tracebacks import error_context
 from flightbed.control.stability_margins import lateral_margin
 from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import Sample
@@ -42,7 +42,7 @@ from flightbed.flight.loop import fly as fly_loop
 from flightbed.flight.pacing import Clock, paced
 from flightbed.flight.plan import Plan, plan
 from flightbed.models.linear_aircraft import LinearAircraft
-from flightbed.scenario.own_code import named_by
+from flightbed.scenario.own_code import named_extensions
 from flightbed.scenario.tables import Scenario
 
 Watch = Callable[[Iterator[Sample]], Iterator[Sample]]  # yields the samples unchanged
@@ -117,7 +117,7 @@ def collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, wat
 
     """
     control_hz, names, timings = scenario.rates.control_hz, names_of(scenario, flight.estimators), array("q")
-    if pace is None and watch is None and not named_by(scenario):
+    if pace is None and watch is None and not named_extensions(scenario):
         rows = rows_of(flight)
         if rows is not None:
             return from_rows(rows, estimators=names, control_hz=control_hz)
@@ -126,7 +126,7 @@ def collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, wat
         samples = paced(samples, control_hz=control_hz, clock=pace, record=timings.extend)
     if watch is not None:
         samples = watch(samples)
-    with watched(control_hz):
+    with error_context(control_hz):
         trace = collect(samples, estimators=names, control_hz=control_hz)
     return trace if pace is None else with_timings(trace, timings)
 
@@ -253,7 +253,7 @@ def summarize(plan: Plan, trace: Trace, metrics: Metrics, margins: MarginSummary
             tuple(map(tuple, design.A.tolist())), tuple(design.b.tolist()), tuple(design.poles.tolist())
         ),
         gains=plan.gains,
-        extensions=tuple(ExtensionSummary(own.name, own.sha256) for own in named_by(scenario)),
+        extensions=tuple(ExtensionSummary(own.name, own.sha256) for own in named_extensions(scenario)),
         aircraft_sha256=plan.aircraft.sha256,
         wall_time_s=wall_s,
         real_time_factor=flown_s / wall_s,

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.campaigns.plan import Programme
-from flightbed.core.files import put_whole
+from flightbed.core.files import replace_file
 from flightbed.parallel.executor import CHUNK
 from flightbed.statistics.histories import Arrays, Ensemble, Part, add_all
 from flightbed.statistics.moments import Moments, within
@@ -124,7 +124,7 @@ def _save(path: Path, arrays: Arrays) -> None:
         with scratch.open("wb") as file:
             np.savez(file, **dict(arrays))  # type: ignore[arg-type]  # its stub takes a name for its own option
 
-    put_whole(path, write)
+    replace_file(path, write)
 
 
 def _load(path: Path) -> dict[str, npt.NDArray[Any]]:

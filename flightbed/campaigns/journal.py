@@ -21,7 +21,7 @@ from flightbed.campaigns.plan import Programme
 from flightbed.campaigns.table import Row
 from flightbed.campaigns.worker import ChunkResult
 from flightbed.core.errors import InputError, OutputError
-from flightbed.core.files import FolderKind, check_target, first_free, numbered, put_whole
+from flightbed.core.files import FolderKind, check_target, first_free, numbered, replace_file
 from flightbed.parallel.executor import CHUNK
 
 CAMPAIGN = FolderKind(
@@ -198,7 +198,7 @@ def _start(target: Path, programme: Programme, *, replace: bool) -> Path:
         target = first_free(target, Path.mkdir)
     known = {"campaign": programme.fingerprint, "name": programme.name, "flights": len(programme)}
     (target / UNFINISHED).mkdir(exist_ok=True)
-    put_whole(target / UNFINISHED / "campaign.json", lambda path: _write(path, json.dumps(known, indent=2) + "\n"))
+    replace_file(target / UNFINISHED / "campaign.json", lambda path: _write(path, json.dumps(known, indent=2) + "\n"))
     return target
 
 

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from flightbed.campaigns.settings import AxisSettings, CampaignSettings
-from flightbed.config.overrides import replaced, setting
+from flightbed.config.overrides import replace_at, setting
 from flightbed.config.own_code import Extension
 from flightbed.core.versions import versions
 from flightbed.scenario.checks import idle_keys
-from flightbed.scenario.reading import validated
+from flightbed.scenario.reading import validate
 from flightbed.scenario.tables import Scenario
 
 Values = Mapping[str, Any]  # key of the scenario -> value
@@ -144,13 +144,13 @@ class Programme:
 def scenario_of(raw: Mapping[str, Any], flight: Flight) -> Scenario:
     """Return the scenario of a flight. Raises ScenarioError."""
     values, place = {**flight.values, "seed": flight.seed}, f"flight {flight.index}"
-    return validated(with_values(raw, values, place), place, {})
+    return validate(with_values(raw, values, place), place, {})
 
 
 def with_values(raw: Mapping[str, Any], values: Values, place: str) -> Mapping[str, Any]:
     """Return nested values with some replaced. Raises ScenarioError, with the place, for a key without a parent."""
     for key, value in values.items():
-        raw = replaced(raw, key.split("."), value, f"{place}: {key}")
+        raw = replace_at(raw, key.split("."), value, f"{place}: {key}")
     return raw
 
 

@@ -65,7 +65,7 @@ def run(
     with journal(Path(out), programme, replace=replace, resume=resume) as book:
         if isinstance(book, Path):
             return None, book
-        with _kept(book, programme):
+        with _store_on_interrupt(book, programme):
             if progress is not None:
                 progress(book.done, len(programme))
             for number, result in _chunk_results(programme, book.missing, executor):
@@ -124,7 +124,7 @@ def _chunk_results(
 
 
 @contextmanager
-def _kept(book: Journal, programme: Programme) -> Iterator[None]:
+def _store_on_interrupt(book: Journal, programme: Programme) -> Iterator[None]:
     """If the flights end early, write the table of the finished ones, and add to the error how to continue."""
     from flightbed.campaigns.folder import put_table
 
@@ -137,7 +137,7 @@ def _kept(book: Journal, programme: Programme) -> Iterator[None]:
         table, how = "", f"continue with the same command and --out {book.target} --resume"
         if isinstance(stop, FlightbedError):
             raise InputError(f"{stop}; {book.done} of {len(programme)} flights are stored; {how}") from stop
-        if rows := _judged(programme, book.rows()):
+        if rows := _with_passed(programme, book.rows()):
             with suppress(FlightbedError):
                 put_table(rows, programme, book)
                 table = f" (table: {book.target / 'table.parquet'})"
@@ -146,7 +146,7 @@ def _kept(book: Journal, programme: Programme) -> Iterator[None]:
         raise KeyboardInterrupt(f"interrupted after {book.done} of {len(programme)} flights{table}; {how}") from None
 
 
-def _judged(programme: Programme, rows: list[Row]) -> list[Row]:
+def _with_passed(programme: Programme, rows: list[Row]) -> list[Row]:
     """Fill in the column ``passed``, in place because there may be many rows."""
     criteria = () if programme.settings is None else programme.settings.criteria
     for i, row in enumerate(rows):
@@ -155,7 +155,7 @@ def _judged(programme: Programme, rows: list[Row]) -> list[Row]:
 
 
 def _campaign(programme: Programme, rows: list[Row], histories: Histories, began: float) -> Campaign:
-    rows = _judged(programme, rows)
+    rows = _with_passed(programme, rows)
     index, reason = worst_of(rows)
     worst = None if index < 0 else fly_scenario(scenario_of(programme.raw, programme.flight(index)))
     return Campaign(programme, rows, histories.ensembles, worst, index, reason, time.perf_counter() - began)

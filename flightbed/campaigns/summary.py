@@ -16,7 +16,7 @@ from flightbed.analysis.summary_text import FOLLOWED
 from flightbed.campaigns.plan import Programme, Values
 from flightbed.campaigns.settings import Criterion
 from flightbed.campaigns.table import Followed, Quantity, Row, departed, followed, passed, quantities, quantity
-from flightbed.config.own_code import permits
+from flightbed.config.own_code import use_options
 from flightbed.core.versions import versions
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.statistics.bootstrap import RESAMPLES
@@ -388,7 +388,7 @@ def summarize_campaign(
 
 def _worst(programme: Programme, run: RunSummary, index: int, reason: str) -> WorstSummary:
     flight = programme.flight(index)
-    options = f"{programme.overrides(flight)}{permits(run.own_code)}"
+    options = f"{programme.overrides(flight)}{use_options(run.own_code)}"
     return WorstSummary(index, flight.point, flight.values, run.seed, reason, options, run)
 
 

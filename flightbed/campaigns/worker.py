@@ -12,13 +12,13 @@ from flightbed.analysis.result import fly_plan
 from flightbed.analysis.trace import true_share
 from flightbed.campaigns.plan import Flight, Programme, flight_hash, scenario_of
 from flightbed.campaigns.table import Row, failed_row, row
-from flightbed.config.own_code import Extension, Packed, carried
-from flightbed.config.tracebacks import line_of
+from flightbed.config.own_code import Extension, Packed, permit_packed
+from flightbed.config.tracebacks import error_line
 from flightbed.core.errors import FlightbedError
 from flightbed.flight.plan import Plan, plan
 from flightbed.parallel.executor import CHUNK, DEATHS
 from flightbed.scenario.estimates import estimates
-from flightbed.scenario.own_code import named_by
+from flightbed.scenario.own_code import named_extensions
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.histories import SAMPLE, Part, add_all
 
@@ -101,10 +101,10 @@ def joined(single: Sequence[ChunkResult]) -> ChunkResult:
 def killed(chunk: Chunk) -> ChunkResult:
     """Return the result of a chunk of one flight that ends its worker process every time: a row with this error."""
     (flight,) = chunk.flights
-    with carried(chunk.extensions):
+    with permit_packed(chunk.extensions):
         scenario = scenario_of(chunk.raw, flight)
         # Planning could end this process too. A plan adds only the aircraft to the hashed scenario; if it is set already, none is needed.
-        known = flight_hash(scenario, named_by(scenario)) if scenario.aircraft.sha256 else None
+        known = flight_hash(scenario, named_extensions(scenario)) if scenario.aircraft.sha256 else None
     return ChunkResult([failed_row(flight, known, KILLS, chunk.estimators)], {})
 
 
@@ -113,13 +113,13 @@ def fly_chunk(chunk: Chunk) -> ChunkResult:
     rows: list[Row] = []
     parts: dict[int, Part] = {}
     planned: Plan | None = None
-    with carried(chunk.extensions):
+    with permit_packed(chunk.extensions):
         for flight in chunk.flights:
             known: str | None = None
             try:
                 scenario = scenario_of(chunk.raw, flight)
                 planned = _planned(scenario, planned)
-                known = flight_hash(planned.scenario, named_by(scenario))
+                known = flight_hash(planned.scenario, named_extensions(scenario))
                 trace, metrics = fly_plan(planned)
                 there = row(flight, known, metrics, ticks=len(trace), scenario=planned.scenario)
                 if flight.index in chunk.remembered:
@@ -146,4 +146,4 @@ def _error_text(error: Exception) -> str:
     if isinstance(error, FlightbedError):
         return "; ".join(str(error).splitlines())
     frames = traceback.extract_tb(error.__traceback__)
-    return f"{Path(frames[-1].filename).name}:{frames[-1].lineno}: {line_of(error)}" if frames else line_of(error)
+    return f"{Path(frames[-1].filename).name}:{frames[-1].lineno}: {error_line(error)}" if frames else error_line(error)

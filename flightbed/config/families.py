@@ -119,7 +119,7 @@ def in_use() -> Mapping[str, Permitted]:
 
 
 @contextmanager
-def permitted(extensions: Mapping[str, Permitted]) -> Iterator[None]:
+def permit(extensions: Mapping[str, Permitted]) -> Iterator[None]:
     """Permit these and no others for as long as it lasts, in this thread."""
     token = _PERMITTED.set(MappingProxyType(dict(extensions)))
     try:
@@ -142,7 +142,7 @@ def factory(family: str, name: str) -> Callable[..., Any]:
     """Return the factory registered under a name. Raises UnknownNameError, and ExtensionError for external code that is not permitted."""
     if name in _BUILT_IN[family]:
         module, _, attribute = _BUILT_IN[family][name].rpartition(":")
-        built_in: Callable[..., Any] = getattr(import_module(module or "flightbed.factories"), attribute)
+        built_in: Callable[..., Any] = getattr(import_module(module), attribute)
         return built_in
     if name in _installed(family):
         loaded: Callable[..., Any] = _installed(family)[name].load()

@@ -22,7 +22,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from flightbed.config import families
-from flightbed.config.tracebacks import constructor_message, line_of, location
+from flightbed.config.tracebacks import constructor_message, error_line, location
 from flightbed.core.errors import ExtensionError, FlightbedError, did_you_mean
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class Extension:
             return Packed, (self.name, pickle.dumps(self.factory), self.sha256)
         except Exception as error:
             raise ExtensionError(
-                f"own code {self.name}: cannot be sent to other processes ({line_of(error)}); put it in a file and name it "
+                f"own code {self.name}: cannot be sent to other processes ({error_line(error)}); put it in a file and name it "
                 "path/to/file.py:Attribute, or fly in this process"
             ) from error
 
@@ -108,7 +108,7 @@ class Packed:
             return _from_object(self.name, pickle.loads(self.pickled))
         except Exception as error:
             raise ExtensionError(
-                f"own code {self.name}: cannot be found in the other process ({line_of(error)}); put it in a file and name it "
+                f"own code {self.name}: cannot be found in the other process ({error_line(error)}); put it in a file and name it "
                 "path/to/file.py:Attribute, or fly in this process"
             ) from error
 
@@ -135,24 +135,24 @@ def using(*own: str | Mapping[str, Callable[..., Any]]) -> Iterator[None]:
             )
         for extension in [load(item)] if isinstance(item, str) else [_from_object(n, f) for n, f in item.items()]:
             found[extension.name] = extension
-    with families.permitted(found):
+    with families.permit(found):
         yield
 
 
 @contextmanager
-def carried(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
+def permit_packed(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
     """Permit the extensions of a job inside the ``with`` block; those packed by another process are loaded first."""
     loaded = [e.unpack() if isinstance(e, Packed) else e for e in extensions]
-    with families.permitted({**families.in_use(), **{e.name: e for e in loaded}}):
+    with families.permit({**families.in_use(), **{e.name: e for e in loaded}}):
         yield
 
 
-def permits(names: Iterable[str]) -> str:
+def use_options(names: Iterable[str]) -> str:
     """Return the options that permit own code, by its names, on a command line."""
     return "".join(f" --use {shlex.quote(name)}" for name in names if ":" in name)
 
 
-def at_hand(names: Iterable[str]) -> list[str]:
+def names_without_option(names: Iterable[str]) -> list[str]:
     """Return the names of own code that no command line can permit: classes and functions given in Python."""
     return [name for name in names if ":" not in name]
 
@@ -250,7 +250,7 @@ def _importing(name: str, *folders: str) -> Iterator[None]:
     try:
         yield
     except (Exception, SystemExit) as error:
-        raise ExtensionError(f"own code {name}: cannot be imported: {location(error)}{line_of(error)}") from error
+        raise ExtensionError(f"own code {name}: cannot be imported: {location(error)}{error_line(error)}") from error
     finally:
         sys.path[:] = before
 

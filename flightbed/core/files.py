@@ -56,7 +56,7 @@ def to_json(values: dict[str, Any]) -> str:
     return json.dumps(values, indent=2, allow_nan=False) + "\n"
 
 
-def put_whole(path: Path, write: Callable[[Path], None]) -> None:
+def replace_file(path: Path, write: Callable[[Path], None]) -> None:
     """Write a file atomically: ``write`` fills a temporary file beside it, which is then renamed. Raises OSError."""
     scratch = path.with_name(f"{path.name}.tmp")
     write(scratch)
@@ -126,7 +126,7 @@ def _replace(target: Path, new: Path, old: Path) -> None:
 
 
 @contextmanager
-def heap_set_aside() -> Iterator[None]:
+def frozen_heap() -> Iterator[None]:
     """Exclude all existing objects from garbage collections inside the ``with`` block: scanning the imported libraries takes 0.1 s."""
     if gc.get_freeze_count():  # the caller has frozen the heap already and unfreezes it
         yield

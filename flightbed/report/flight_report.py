@@ -15,7 +15,7 @@ from flightbed.analysis.pull_up import PULL_UP_METRICS
 from flightbed.analysis.summary_text import correction, flown, followed, kept_pace, outcome
 from flightbed.analysis.trace import true_share
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.config.own_code import at_hand, permits
+from flightbed.config.own_code import names_without_option, use_options
 from flightbed.core.estimate_names import estimator_of
 from flightbed.document.document import Cell, Document, Listing, Section, Table
 from flightbed.report.figures import pictures
@@ -67,7 +67,9 @@ def run_report(result: Result) -> Document:
         _numbers(result),
         Section("Events", (), [_events(result)]),
         _design(result),
-        rerun_command(scenario.to_toml(), permits(summary.own_code), summary.versions, at_hand(summary.own_code)),
+        rerun_command(
+            scenario.to_toml(), use_options(summary.own_code), summary.versions, names_without_option(summary.own_code)
+        ),
     ]
     condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     title = f"{scenario.name}: {result.plan.aircraft.name} at {condition}, seed {scenario.seed}"

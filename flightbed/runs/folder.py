@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from flightbed.analysis.comparison import folder_of
 from flightbed.core.errors import OutputError
-from flightbed.core.files import FolderKind, heap_set_aside, to_json, write_folder
+from flightbed.core.files import FolderKind, frozen_heap, to_json, write_folder
 from flightbed.telemetry.flight_info import result_info
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replac
 
 
 def _page(result: Result) -> str:
-    with heap_set_aside():  # drawing creates many objects: garbage collection would double its time
+    with frozen_heap():  # drawing creates many objects: garbage collection would double its time
         from flightbed.document.html import render
         from flightbed.report.flight_report import run_report  # slow to import
 

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from flightbed.analysis.result import Result, Watch, fly_scenario
-from flightbed.config.tracebacks import guarded
+from flightbed.config.tracebacks import with_error_context
 from flightbed.core.files import check_target
 from flightbed.core.signals import Sample
 from flightbed.flight.assembly import assemble
@@ -16,7 +16,7 @@ from flightbed.flight.loop import fly as fly_loop
 from flightbed.flight.pacing import Clock
 from flightbed.flight.plan import Plan, plan
 from flightbed.runs.folder import RUN, write_run
-from flightbed.scenario.own_code import named_by
+from flightbed.scenario.own_code import named_extensions
 from flightbed.scenario.tables import Scenario
 from flightbed.telemetry.flight_info import FlightInfo, result_info
 from flightbed.telemetry.live import Live
@@ -25,8 +25,8 @@ from flightbed.telemetry.live import Live
 def fly(scenario: Scenario) -> Iterator[Sample]:
     """Trim, design and fly a scenario, yielding one Sample per control tick."""
     samples = fly_loop(assemble(plan(scenario)))
-    used = named_by(scenario)
-    return guarded(samples, scenario.rates.control_hz, used) if used else samples
+    used = named_extensions(scenario)
+    return with_error_context(samples, scenario.rates.control_hz, used) if used else samples
 
 
 def _watch(live: Live, planned: Plan, readings: Mapping[str, float]) -> Watch:

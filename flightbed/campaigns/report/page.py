@@ -14,7 +14,7 @@ from flightbed.campaigns.report.histories import histories_sections
 from flightbed.campaigns.report.points import points_section
 from flightbed.campaigns.result import Campaign
 from flightbed.campaigns.summary import CampaignSummary, WorstSummary
-from flightbed.config.own_code import at_hand, permits
+from flightbed.config.own_code import names_without_option, use_options
 from flightbed.core.estimate_names import numbered
 from flightbed.core.units import unit_of
 from flightbed.document import drawing, palette
@@ -75,7 +75,10 @@ def campaign_report(campaign: Campaign) -> Document:
             ),
             _worst(worst, summary.worst),
             rerun_command(
-                scenario.to_toml(), summary.worst.options, worst.summary.versions, at_hand(worst.summary.own_code)
+                scenario.to_toml(),
+                summary.worst.options,
+                worst.summary.versions,
+                names_without_option(worst.summary.own_code),
             ),
         ]
     where = f" at {condition}" if len(programme.points) == 1 else f", {len(programme.points)} points"
@@ -91,7 +94,7 @@ def _seeds(campaign: Campaign) -> str:
 
 
 def _all_again(campaign: Campaign) -> str:
-    own = "" if campaign.worst is None else permits(campaign.worst.summary.own_code)
+    own = "" if campaign.worst is None else use_options(campaign.worst.summary.own_code)
     if campaign.programme.settings is not None:
         return f"flightbed campaign FOLDER/campaign.toml{own}"
     return f"flightbed campaign FOLDER/scenario.toml --runs {len(campaign.rows)}{own}"
