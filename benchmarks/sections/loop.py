@@ -15,7 +15,7 @@ from typing import Any
 
 from measuring import Column, Effort, Table
 
-from flightbed.analysis.result import collected
+from flightbed.analysis.result import fly_trace
 from flightbed.analysis.trace import Trace
 from flightbed.core.timing import differences, interleaved, ratios, seconds
 from flightbed.core.units import DEG
@@ -42,7 +42,7 @@ ESTIMATORS: Mapping[str, Mapping[str, Any]] = {
 
 def into_trace(flight: Flight, scenario: Scenario) -> Trace:
     """Fly a flight that is ready, as ``flightbed run`` does; the one place where the benchmarks do so."""
-    return collected(flight, scenario)
+    return fly_trace(flight, scenario)
 
 
 def measure(effort: Effort) -> list[Table]:

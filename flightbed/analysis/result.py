@@ -88,23 +88,23 @@ def fly_scenario(
     """
     planned = plan(scenario)
     flight = assemble(planned)
-    watched_by = None if watch is None else watch(planned, predicted_readings(flight, scenario))
+    watcher = None if watch is None else watch(planned, predicted_readings(flight, scenario))
     ready()
     margins = margins_of(planned, flight)
     began = time.perf_counter()
-    trace = collected(flight, scenario, pace, watched_by)
+    trace = fly_trace(flight, scenario, pace, watcher)
     wall_s = time.perf_counter() - began
-    trace, metrics = measured(planned, flight, trace)
+    trace, metrics = evaluate(planned, flight, trace)
     return Result(planned, trace, metrics, summarize(planned, trace, metrics, margins, wall_s))
 
 
 def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:
     """Fly a plan once; returns the trace and its metrics."""
     flight = assemble(plan)
-    return measured(plan, flight, collected(flight, plan.scenario))
+    return evaluate(plan, flight, fly_trace(flight, plan.scenario))
 
 
-def collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, watch: Watch | None = None) -> Trace:
+def fly_trace(flight: Flight, scenario: Scenario, pace: Clock | None = None, watch: Watch | None = None) -> Trace:
     """Fly and keep every sample.
 
     Without clock and watcher, and with parts of flightbed alone, the flight computer is compiled: the samples are the same bit for bit.
@@ -131,7 +131,7 @@ def collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, wat
     return trace if pace is None else with_timings(trace, timings)
 
 
-def measured(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]:
+def evaluate(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]:
     """Return the trace with bound, margins and excitation, and its metrics. Raises ExtensionError for a health that is not finite."""
     health = {c: trace[c] for c in ("effectiveness_true", "elevator_force_true", "cg_shift_cbar")}
     bad = ~np.all(np.isfinite(np.column_stack(list(health.values()))), axis=1)
@@ -218,7 +218,7 @@ def summarize(plan: Plan, trace: Trace, metrics: Metrics, margins: MarginSummary
 
     Args:
         plan: aircraft, trim and design.
-        trace, metrics: as ``measured`` returns them.
+        trace, metrics: as ``evaluate`` returns them.
         margins: as ``margins_of`` returns them before the flight.
         wall_s: time that the flight took, s.
 

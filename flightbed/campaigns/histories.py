@@ -48,7 +48,9 @@ class Histories:
 
     def has(self, number: int) -> bool:
         """Return whether a chunk has been added, or has no histories to add."""
-        return number < self.number or number in self._early or not self._points(number) & self._programme.remembered
+        return (
+            number < self.number or number in self._early or not self._points(number) & self._programme.history_points
+        )
 
     def add(self, number: int, parts: Parts) -> None:
         """Add the contributions of a chunk to its points. Raises OSError."""

@@ -117,13 +117,13 @@ class Programme:
         return self.scenario.seed if self.settings is None else self.settings.seed
 
     @cached_property
-    def remembered(self) -> frozenset[int]:
+    def history_points(self) -> frozenset[int]:
         """Points that keep histories: the chosen ones, else all, or ``SHOWN`` of them if there are more than ``MOST_REMEMBERED``."""
         count = len(self.points)
         if self.settings is None or (self.settings.histories.keep == "auto" and count <= MOST_REMEMBERED):
             return frozenset(range(count))
         if self.settings.histories.keep == "auto":
-            return frozenset(few(self.settings, range(count), SHOWN))
+            return frozenset(select_points(self.settings, range(count), SHOWN))
         return frozenset(self.settings.histories.points)
 
     @cached_property
@@ -180,7 +180,7 @@ def grid(settings: CampaignSettings) -> list[Values]:
     return [dict(zip(axes, values, strict=True)) for values in combined]
 
 
-def few(settings: CampaignSettings | None, points: Sequence[int], most: int) -> list[int]:
+def select_points(settings: CampaignSettings | None, points: Sequence[int], most: int) -> list[int]:
     """Return at most ``most`` of some points: of a complete crossed grid a coarser grid with its corners, else evenly spaced points."""
     axes = [] if settings is None else [len(values_of(axis)) for axis in settings.axes if not axis.is_drawn]
     crossed = settings is not None and settings.combine == "crossed"

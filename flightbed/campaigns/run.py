@@ -15,7 +15,15 @@ from flightbed.campaigns.journal import Journal, journal
 from flightbed.campaigns.plan import Programme, scenario_of
 from flightbed.campaigns.result import Campaign, worst_of
 from flightbed.campaigns.table import Row, passes
-from flightbed.campaigns.worker import Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
+from flightbed.campaigns.worker import (
+    Chunk,
+    ChunkResult,
+    chunk_of,
+    fly_chunk,
+    join_flights,
+    killed_result,
+    single_flights,
+)
 from flightbed.core.errors import FlightbedError, InputError
 from flightbed.parallel.executor import CHUNK, Opener, Work, opener, results
 from flightbed.scenario.tables import Scenario
@@ -117,7 +125,7 @@ def _chunk_results(
     """Yield the number and the result of each chunk, in the order in which they finish."""
     if not chunks:
         return
-    work: Work[Chunk, ChunkResult] = Work(fly_chunk, single_flights, joined, killed)
+    work: Work[Chunk, ChunkResult] = Work(fly_chunk, single_flights, join_flights, killed_result)
     with closing(results((chunk_of(programme, n) for n in chunks), work, executor)) as finished:
         for chunk, result in finished:
             yield chunk.number, result

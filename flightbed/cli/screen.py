@@ -16,7 +16,7 @@ from rich.text import Text
 
 from flightbed.analysis.events import failures
 from flightbed.analysis.metrics import PHASES
-from flightbed.analysis.summary_text import correction, followed, kept_pace, outcome
+from flightbed.analysis.summary_text import correction, followed, outcome, pace_text
 from flightbed.document.document import Table as Rows
 from flightbed.document.document import show
 from flightbed.statistics.intervals import Interval
@@ -81,7 +81,7 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
         "tracking": "\n".join(_tracked(summary, *one) for one in followed(scenario)),
         **({"pull-up": _pull_up(metrics)} if metrics.pull_up_overshoot is not None else {}),
         **({"own code": _own_code(summary)} if summary.extensions else {}),
-        **({"real time": kept_pace(summary.realtime, summary.flown_s)} if summary.realtime else {}),
+        **({"real time": pace_text(summary.realtime, summary.flown_s)} if summary.realtime else {}),
     }.items():
         grid.add_row(f"  {name}", text)
     yield grid

@@ -94,14 +94,14 @@ class Packed:
 
     def unpack(self) -> Extension:
         """Load the code. Raises ExtensionError if it cannot be loaded, or if its file has changed since it was packed."""
-        found = self._found()
+        found = self._load_factory()
         if found.sha256 != self.sha256:
             raise ExtensionError(
                 f"own code {self.name}: its file has changed since the flights began; start the flights again"
             )
         return found
 
-    def _found(self) -> Extension:
+    def _load_factory(self) -> Extension:
         if self.pickled is None:
             return load(self.name)
         try:
@@ -173,7 +173,9 @@ def load(name: str) -> Extension:
     found: Any = module
     for part in attribute.split("."):
         if not hasattr(found, part):
-            raise ExtensionError(_no_attribute(name, module, part, [n for n in dir(found) if not n.startswith("_")]))
+            raise ExtensionError(
+                _attribute_problem(name, module, part, [n for n in dir(found) if not n.startswith("_")])
+            )
         found = getattr(found, part)
     if not callable(found):
         raise ExtensionError(
@@ -255,7 +257,7 @@ def _importing(name: str, *folders: str) -> Iterator[None]:
         sys.path[:] = before
 
 
-def _no_attribute(name: str, module: ModuleType, part: str, known: Sequence[str]) -> str:
+def _attribute_problem(name: str, module: ModuleType, part: str, known: Sequence[str]) -> str:
     file = getattr(module, "__file__", None) or "built in"
     place, _, attribute = name.rpartition(":")
     beside = Path(place.replace(".", "/") + ".py")

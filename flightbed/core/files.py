@@ -81,7 +81,7 @@ def write_folder(target: Path, write: Callable[[Path], None], *, replace: bool) 
         raise OutputError(f"--out {target}: cannot be written: {error.strerror or error}") from None
 
 
-def numbered(target: Path) -> Iterator[Path]:
+def numbered_paths(target: Path) -> Iterator[Path]:
     """Yield TARGET, TARGET-2, TARGET-3, ..."""
     yield target
     for number in count(2):
@@ -99,7 +99,7 @@ def first_free(target: Path, make: Callable[[Path], object]) -> Path:
         OSError: the folder cannot be made for another reason.
 
     """
-    for place in numbered(target):
+    for place in numbered_paths(target):
         if not os.path.lexists(place):
             try:
                 make(place)

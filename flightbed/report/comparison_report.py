@@ -18,7 +18,7 @@ _ROWS = (
     ("Angle of attack, deg", "alpha_deg", "", "", ""),
     ("Load factor nz, g", "nz_g", "nz_ref_g", palette.REFERENCE, "reference"),
 )
-_TURNING = (
+_LATERAL_ROWS = (
     ("Roll rate, deg/s", "p_deg_s", "p_ref_deg_s", palette.REFERENCE, "reference"),
     ("Sideslip, deg", "beta_deg", "beta_ref_deg", palette.REFERENCE, "reference"),
     ("Aileron K, share", "effectiveness.aileron", "effectiveness_aileron_true", palette.TRUTH, "true"),
@@ -56,7 +56,7 @@ def comparison_report(runs: Sequence[Run]) -> Document:
 
 
 def _draw(runs: Sequence[Run]) -> str:
-    rows = (*_ROWS, *(_TURNING if any(run.lateral for run in runs) else ()))
+    rows = (*_ROWS, *(_LATERAL_ROWS if any(run.lateral for run in runs) else ()))
     with drawing.canvas(len(rows), height=1.9) as (axes, svg):
         for row, (title, column, shared, color, name) in zip(axes, rows, strict=True):
             told: list[tuple[Vector, Vector]] = []

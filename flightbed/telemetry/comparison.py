@@ -126,7 +126,7 @@ def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: S
     for run, slug in zip(runs, slugs, strict=True):
         own = _column(run, plot)
         if own is not None:
-            name = f"{run.label}: {run.watched}" if plot.key.startswith("effectiveness") else run.label
+            name = f"{run.label}: {run.estimator}" if plot.key.startswith("effectiveness") else run.label
             _line(stream, f"{plot.key}/{slug}", name, run.color, run.trace["t_s"], own)
             if plot.range is None:
                 low, high = min(low, float(np.nanmin(own))), max(high, float(np.nanmax(own)))

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from flightbed.analysis.events import events, planned_events
 from flightbed.analysis.result import Result
-from flightbed.analysis.summary_text import plan_card, run_card
+from flightbed.analysis.summary_text import plan_text, run_text
 from flightbed.analysis.trace import Trace
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
@@ -79,7 +79,7 @@ class FlightInfo:
         return cls(
             name=f"{scenario.name} seed {scenario.seed}",
             recording_id=hashlib.sha256(scenario.to_toml().encode()).hexdigest()[:16],
-            card=plan_card(scenario),
+            card=plan_text(scenario),
             planned=tuple(Event(*event) for event in planned_events(scenario)),
             failures_s=tuple(sorted({failure_tick(failure, hz) / hz for failure in scenario.failures})),
             estimators=estimates(scenario),
@@ -168,7 +168,7 @@ def result_info(result: Result) -> FlightInfo:
     measured = result.metrics.estimators
     readings = {name: m.nis_expected for name, m in measured.items() if m.nis_expected is not None}
     return FlightInfo.of(result.plan, readings=readings).with_result(
-        run_card(scenario, summary),
+        run_text(scenario, summary),
         happened,
         departed=result.metrics.departed,
         alarmed=[name for name in measured if result.trace[f"{name}.alarms"].max() > 0.0],

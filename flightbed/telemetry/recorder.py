@@ -9,7 +9,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from flightbed.analysis.trace import Trace
-from flightbed.core.estimate_names import numbered
+from flightbed.core.estimate_names import estimator_indices
 from flightbed.document import palette
 from flightbed.telemetry.channels import Plot
 from flightbed.telemetry.chase import Aircraft, set_time, time_of
@@ -38,7 +38,7 @@ class Recorder:
         self._extent: dict[str, tuple[float, float]] = {}
         self._marked: dict[str, tuple[float, float, int]] = {}
         self._aircraft = Aircraft(stream, "world", trail=palette.OTHER, lateral=info.lateral)
-        self._colors = {name: palette.estimate(i) for name, i in numbered(info.estimators).items()}
+        self._colors = {name: palette.estimate(i) for name, i in estimator_indices(info.estimators).items()}
         self._last_s = 0.0
 
     def begin(self) -> None:

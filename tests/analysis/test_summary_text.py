@@ -9,7 +9,7 @@ import pytest
 from flightbed.analysis.events import events, failures
 from flightbed.analysis.metrics import PHASES
 from flightbed.analysis.summary import ExtensionSummary
-from flightbed.analysis.summary_text import flown, plan_card, run_card
+from flightbed.analysis.summary_text import plan_text, run_text, settings_rows
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import rolling
@@ -68,11 +68,11 @@ def test_gusts_and_failures_are_told_at_their_times() -> None:
     # Of K, times count from the elevator's failure, not from that of the c.g.
     within = summary.metrics.estimators["scheduled"].first_within_20pct_s
     assert told["K of 'scheduled' within 20 % of the truth"] == pytest.approx(1.5 + within)
-    card = run_card(scenario, summary)
+    card = run_text(scenario, summary)
     assert (
         "- air: turbulence none; gusts at 0.5 s a gust of 9 ft/s down, rising for 0.25 s; at 1 s a gust of 12.5" in card
     )
-    assert "- air: turbulence none; gusts none" in run_card(load_scenario("nominal"), summary)
+    assert "- air: turbulence none; gusts none" in run_text(load_scenario("nominal"), summary)
 
 
 def test_the_card_of_a_flight_says_nothing_of_what_it_has_not() -> None:
@@ -81,19 +81,19 @@ def test_the_card_of_a_flight_says_nothing_of_what_it_has_not() -> None:
             "nominal", ["duration_s=1", "estimators=[]", "adaptation.enabled=false", "atmosphere.turbulence=light"]
         )
     )
-    card = run_card(result.plan.scenario, result.summary)
+    card = run_text(result.plan.scenario, result.summary)
     rms = result.summary.metrics.tracking_rms_pre_deg_s
     assert f"- tracking RMS: {rms:.2f} deg/s\n" in card
     assert "turbulence light" in card
     assert "| estimator |" not in card
     assert "own code" not in card
-    assert "turbulence light" in plan_card(result.plan.scenario)
+    assert "turbulence light" in plan_text(result.plan.scenario)
 
 
 def test_the_card_names_own_code() -> None:
     scenario = load_scenario("nominal", ["duration_s=0.2"])
     summary = replace(run(scenario).summary, extensions=(ExtensionSummary("mine.py:E", "0123456789abcdef"),))
-    assert "- own code: mine.py:E, SHA-256 0123456789ab\n" in run_card(scenario, summary)
+    assert "- own code: mine.py:E, SHA-256 0123456789ab\n" in run_text(scenario, summary)
 
 
 def test_events_and_card_of_a_flight_with_roll_and_yaw() -> None:
@@ -113,16 +113,16 @@ def test_events_and_card_of_a_flight_with_roll_and_yaw() -> None:
         alarm = next(t for t, text, _ in happened if text.startswith(declared) and t >= at_s)
         assert alarm == pytest.approx(at_s + summary.metrics.estimators[name].detected_at_s)
     assert not any(text.startswith(("K of 'surfaces' ", "K of 'pitch' ")) for text in told)
-    card = run_card(scenario, summary)
+    card = run_text(scenario, summary)
     before, after = (summary.metrics.tracking_rms(phase, "beta_deg") for phase in PHASES)
     assert f"beta - beta_ref {before:.2f} deg before, {after:.2f} deg from 0.3 s after the failure" in card
     assert "| surfaces.rudder |" in card
-    rows = dict(flown(scenario, "f16"))
+    rows = dict(settings_rows(scenario, "f16"))
     assert rows["roll-rate command"].startswith("doublet, amplitude 20 deg/s, period 4.5 s")
     assert rows["sideslip command"].startswith("doublet, amplitude 2 deg, period 4.5 s")
     assert "aileron 10 deg" in rows["roll and yaw"]
     assert "of beta 0.03 deg" in rows["sensors"]
-    assert "roll and yaw" not in dict(flown(load_scenario("nominal"), "f16"))
+    assert "roll and yaw" not in dict(settings_rows(load_scenario("nominal"), "f16"))
 
 
 def test_every_surface_that_reaches_its_stop_is_told() -> None:

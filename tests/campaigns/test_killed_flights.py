@@ -16,7 +16,16 @@ from flightbed.campaigns import run as campaigns
 from flightbed.campaigns.file import load_programme
 from flightbed.campaigns.plan import Programme
 from flightbed.campaigns.table import Row
-from flightbed.campaigns.worker import KILLS, Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
+from flightbed.campaigns.worker import (
+    DEATH_ERROR,
+    Chunk,
+    ChunkResult,
+    chunk_of,
+    fly_chunk,
+    join_flights,
+    killed_result,
+    single_flights,
+)
 from flightbed.parallel.executor import opener
 from flightbed.runs.run import fly
 from flightbed.scenario.reading import load_scenario
@@ -69,7 +78,7 @@ def _expected() -> list[Row]:
 
 def _assert_as_expected(folder: Path) -> None:
     table = pq.read_table(folder / "table.parquet").to_pylist()
-    assert [row["error"] for row in table] == [KILLS if i == VICTIM else None for i in range(RUNS)]
+    assert [row["error"] for row in table] == [DEATH_ERROR if i == VICTIM else None for i in range(RUNS)]
     assert table[VICTIM]["departed"] is table[VICTIM]["scheduled.final"] is None
     assert len({row["hash"] for row in table} - {None}) == RUNS
     for row, expected in zip(table, _expected(), strict=True):
@@ -77,7 +86,7 @@ def _assert_as_expected(folder: Path) -> None:
             assert {**row, "hash": None} == {**expected, "hash": None}
     told = json.loads((folder / "summary.json").read_text())
     assert (told["errors"], told["flights"]) == (1, RUNS)
-    assert f"1 of {RUNS} flights failed: {KILLS}" in (folder / "report.html").read_text()
+    assert f"1 of {RUNS} flights failed: {DEATH_ERROR}" in (folder / "report.html").read_text()
 
 
 @pytest.mark.parametrize(("workers", "how"), [(1, "exit"), (2, "signal")])
@@ -124,7 +133,7 @@ def test_on_a_dask_cluster_whose_nannies_begin_dead_workers_anew(
 def test_flights_flown_one_by_one_are_those_of_their_chunk() -> None:
     programme = load_programme("elevator-loss", SHORT, 4)
     chunk = chunk_of(programme, 0)
-    together, alone = fly_chunk(chunk), joined([fly_chunk(one) for one in single_flights(chunk)])
+    together, alone = fly_chunk(chunk), join_flights([fly_chunk(one) for one in single_flights(chunk)])
     assert alone.rows == together.rows
     assert alone.parts.keys() == together.parts.keys()
     for name, array in together.parts[0].arrays().items():
@@ -133,7 +142,7 @@ def test_flights_flown_one_by_one_are_those_of_their_chunk() -> None:
 
 def test_the_hash_of_a_flight_that_kills_is_that_of_the_flight() -> None:
     chunk = single_flights(chunk_of(load_programme("elevator-loss", SHORT, 2), 0))[1]
-    assert killed(chunk).rows[0]["hash"] == fly_chunk(chunk).rows[0]["hash"]
+    assert killed_result(chunk).rows[0]["hash"] == fly_chunk(chunk).rows[0]["hash"]
 
 
 def test_a_process_that_dies_once_blames_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -131,7 +131,7 @@ def test_runs_without_estimators_and_of_other_aircraft_are_compared(tmp_path: Pa
     run(load_scenario("nominal", bare), tmp_path / "bare", rerun=False)
     run(load_scenario("thesis-loss", ["duration_s=5"]), tmp_path / "linear", rerun=False)
     read = comparison.load_runs([tmp_path / "bare", tmp_path / "linear"])
-    assert read[0].watched is None
+    assert read[0].estimator is None
     assert "Compared" in render(comparison_report(read))
 
 

@@ -107,7 +107,7 @@ def _parts(programme: Programme, rng: np.random.Generator) -> tuple[list[dict[in
         chunk = chunk_of(programme, number)
         parts: dict[int, Part] = {}
         for flight in chunk.flights:
-            if flight.index in chunk.remembered:
+            if flight.index in chunk.with_histories:
                 one = Part.of(flights[flight.index], sampled=flight.index in chunk.sampled)
                 histories.add_all(parts, {flight.point: one})
         chunks.append(parts)
@@ -238,11 +238,11 @@ def test_of_many_points_a_few_that_span_the_grid_keep_histories(tmp_path: Path) 
     wide = GRID.replace("values = [0.2, 0.6]", "from = 0.2\nto = 0.95\ncount = 16")
     (tmp_path / "wide.toml").write_text(wide.replace("values = [0.7, 0.8]", "from = 0.6\nto = 0.8\ncount = 8"))
     programme = load_programme(tmp_path / "wide.toml", SHORT)
-    assert len(programme.remembered) == 12
-    values = [programme.points[p] for p in sorted(programme.remembered)]
+    assert len(programme.history_points) == 12
+    values = [programme.points[p] for p in sorted(programme.history_points)]
     for key, ends in (("failures.0.to", (0.2, 0.95)), ("condition.mach", (0.6, 0.8))):
         assert (min(v[key] for v in values), max(v[key] for v in values)) == ends
-    assert len(_grid(tmp_path).remembered) == 4
+    assert len(_grid(tmp_path).history_points) == 4
 
 
 def _settings(**changes: Any) -> CampaignSettings:

@@ -8,14 +8,14 @@ import numpy as np
 
 from flightbed.analysis.pull_up import PULL_UP_METRICS
 from flightbed.analysis.result import Result
-from flightbed.analysis.summary_text import FOLLOWED, flown, outcome
+from flightbed.analysis.summary_text import FOLLOWED, outcome, settings_rows
 from flightbed.campaigns.report.headline import flight_label, lead, median_cell
 from flightbed.campaigns.report.histories import histories_sections
 from flightbed.campaigns.report.points import points_section
 from flightbed.campaigns.result import Campaign
 from flightbed.campaigns.summary import CampaignSummary, WorstSummary
 from flightbed.config.own_code import names_without_option, use_options
-from flightbed.core.estimate_names import numbered
+from flightbed.core.estimate_names import estimator_indices
 from flightbed.core.units import unit_of
 from flightbed.document import drawing, palette
 from flightbed.document.document import Cell, Document, Listing, Picture, Section, Table
@@ -57,7 +57,7 @@ def campaign_report(campaign: Campaign) -> Document:
         "campaign": f"SHA-256 {summary.fingerprint}",
         "versions": dict(summary.versions),
     }
-    what = [row if row[0] != "seed" else ("seeds", seeds) for row in flown(scenario, aircraft)]
+    what = [row if row[0] != "seed" else ("seeds", seeds) for row in settings_rows(scenario, aircraft)]
     title_of_settings = "Settings" if len(programme.axes) == 0 else "Fixed settings"
     sections = [
         *points_section(campaign),
@@ -71,7 +71,7 @@ def campaign_report(campaign: Campaign) -> Document:
             Section(
                 "Medians and means",
                 (),
-                [*([_tracked(summary)] if summary.tracking.percentiles else []), *_medians(summary)],
+                [*([_tracking_table(summary)] if summary.tracking.percentiles else []), *_medians(summary)],
             ),
             _worst(worst, summary.worst),
             rerun_command(
@@ -126,7 +126,7 @@ def _medians(summary: CampaignSummary) -> list[Table]:
                 key,
                 unit_of(key),
                 median_cell(q),
-                _closed(q.mean),
+                _finite_interval(q.mean),
                 q.p5.estimate,
                 q.p95.estimate,
                 q.flights,
@@ -141,14 +141,14 @@ def _medians(summary: CampaignSummary) -> list[Table]:
     return tables
 
 
-def _closed(interval: Interval | None) -> Cell:
+def _finite_interval(interval: Interval | None) -> Cell:
     """Return an interval for a table cell; only its estimate where an end is infinite."""
     if interval is None or np.isfinite([interval.low, interval.high]).all():
         return interval
     return interval.estimate
 
 
-def _tracked(summary: CampaignSummary) -> Table:
+def _tracking_table(summary: CampaignSummary) -> Table:
     """Return mean and percentiles of the tracking RMS, with exact and with bootstrapped intervals."""
     followed, exact = summary.tracking.followed, summary.tracking.percentiles
     resampled = summary.resampled[followed.column]
@@ -177,7 +177,7 @@ def _ends(interval: Interval | None) -> str:
 
 
 def _colors(campaign: Campaign) -> dict[str, str]:
-    return {name: palette.estimate(i) for name, i in numbered(campaign.estimators).items()}
+    return {name: palette.estimate(i) for name, i in estimator_indices(campaign.estimators).items()}
 
 
 def _distributions(campaign: Campaign) -> list[Picture]:

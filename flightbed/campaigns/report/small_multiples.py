@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from flightbed.analysis.trace import true_share
-from flightbed.campaigns.plan import MOST_REMEMBERED, SHOWN, few, values_of
+from flightbed.campaigns.plan import MOST_REMEMBERED, SHOWN, select_points, values_of
 from flightbed.campaigns.report.bands import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
 from flightbed.campaigns.report.points import value_words
 from flightbed.campaigns.result import Campaign
-from flightbed.core.estimate_names import numbered
+from flightbed.core.estimate_names import estimator_indices
 from flightbed.document import drawing, palette
 from flightbed.document.document import Picture
 from flightbed.report.figures import MARGIN, mark_changes
@@ -22,7 +22,7 @@ _ACROSS = 3  # small figures per row, where the grid does not define it
 _BUCKETS = 200  # intervals of time per figure: 0.08 s each of 16.5 s
 
 
-def left_out(campaign: Campaign, points: Sequence[int]) -> list[str]:
+def selection_text(campaign: Campaign, points: Sequence[int]) -> list[str]:
     """Return sentences on the bands, and on points without a figure."""
     of, kept = len(campaign.programme.points), len(campaign.histories)
     low, inner_low, _, inner_high, high = PERCENTILES
@@ -44,12 +44,12 @@ def left_out(campaign: Campaign, points: Sequence[int]) -> list[str]:
     return sentences
 
 
-def of_points(campaign: Campaign, points: Sequence[int]) -> list[Picture]:
+def point_pictures(campaign: Campaign, points: Sequence[int]) -> list[Picture]:
     """Draw small figures of the points: pitch rate, and smoothed K of every estimate."""
     found = [("q_deg_s", "q_ref_deg_s", drawing.ACTUAL, "Pitch rate", "pitch rate, deg/s", "reference")]
     found += [
         (f"{name}.effectiveness_smoothed", true_share(name), palette.estimate(i), f"Smoothed K of '{name}'", "K", "truth")
-        for name, i in numbered(campaign.estimators).items()
+        for name, i in estimator_indices(campaign.estimators).items()
     ]  # fmt: skip
     scenarios = {point: campaign.programme.at(point) for point in points}
     return [_small(campaign, scenarios, *figure) for figure in found]
@@ -121,7 +121,7 @@ def _across(campaign: Campaign, count: int) -> int:
     settings = campaign.programme.settings
     axes = [axis for axis in campaign.programme.axes if not axis.is_drawn]
     if settings is not None and settings.combine == "crossed" and len(axes) > 1:
-        points = few(settings, sorted(campaign.histories), SHOWN)
+        points = select_points(settings, sorted(campaign.histories), SHOWN)
         last = len({str(campaign.programme.points[point][axes[-1].key]) for point in points})
         if 2 <= last <= 4 and count % last == 0:
             return last
