@@ -95,7 +95,7 @@ class Permitted(Protocol):
 
 
 _NOTHING: Mapping[str, Permitted] = MappingProxyType({})
-_PERMITTED: ContextVar[Mapping[str, Permitted]] = ContextVar("flightbed code of the user's own", default=_NOTHING)
+_PERMITTED: ContextVar[Mapping[str, Permitted]] = ContextVar("flightbed external code", default=_NOTHING)
 
 
 def names(family: str) -> tuple[str, ...]:
@@ -114,13 +114,13 @@ def is_taken(family: str, name: str) -> bool:
 
 
 def in_use() -> Mapping[str, Permitted]:
-    """Return the code of the user's own that is permitted here and now, by name."""
+    """Return the external code that is permitted in this thread, by name."""
     return _PERMITTED.get()
 
 
 @contextmanager
 def permit(extensions: Mapping[str, Permitted]) -> Iterator[None]:
-    """Permit these and no others for as long as it lasts, in this thread."""
+    """Permit these extensions and no others inside the ``with`` block, in this thread."""
     token = _PERMITTED.set(MappingProxyType(dict(extensions)))
     try:
         yield

@@ -33,7 +33,7 @@ def override(raw: Mapping[str, Any], overrides: Sequence[str]) -> tuple[Mapping[
 
 
 def toml_value(text: str) -> Any:
-    """Return the TOML value of a text; a text that is not TOML is returned as it is."""
+    """Return the TOML value of a text; a text that is not TOML is returned unchanged."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:

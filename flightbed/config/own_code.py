@@ -148,7 +148,7 @@ def permit_packed(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
 
 
 def use_options(names: Iterable[str]) -> str:
-    """Return the options that permit own code, by its names, on a command line."""
+    """Return the ``--use`` options that permit own code on a command line, given its names."""
     return "".join(f" --use {shlex.quote(name)}" for name in names if ":" in name)
 
 

@@ -23,11 +23,11 @@ _NOT_EXTERNAL = (_PACKAGE, sysconfig.get_path("stdlib"), "<")
 def error_context(control_hz: int, used: Sequence[families.Permitted] | None = None) -> Iterator[None]:
     """Convert an exception raised by external code, or by a value it returned, into one line with file, line and flight time.
 
-    File, line and time are taken from the traceback; a flight without errors costs nothing.
+    File, line and time are taken from the traceback; a flight without errors has no overhead.
 
     Args:
         control_hz: control rate of the flight, Hz.
-        used: external code of the flight; None for all that is permitted.
+        used: external code of the flight; None for all permitted code.
 
     Raises:
         ExtensionError: the converted error, with the original exception as its cause.

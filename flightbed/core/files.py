@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all."""
+"""Files and folders written atomically, and the check of a target folder before a flight."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def to_json(values: dict[str, Any]) -> str:
 
 
 def replace_file(path: Path, write: Callable[[Path], None]) -> None:
-    """Write a file atomically: ``write`` fills a temporary file beside it, which is then renamed. Raises OSError."""
+    """Write a file inside a folder of flightbed atomically: ``write`` fills NAME.tmp beside it, which is then renamed. Raises OSError."""
     scratch = path.with_name(f"{path.name}.tmp")
     write(scratch)
     scratch.replace(path)
@@ -89,7 +89,7 @@ def numbered_paths(target: Path) -> Iterator[Path]:
 
 
 def first_free(target: Path, make: Callable[[Path], object]) -> Path:
-    """Make the first of TARGET, TARGET-2, ... that does not exist; processes that do so at once make one each.
+    """Make the first of TARGET, TARGET-2, ... that does not exist; concurrent processes make one each.
 
     Args:
         target: the first path.
@@ -139,7 +139,7 @@ def frozen_heap() -> Iterator[None]:
 
 
 def write_atomic(path: Path, content: bytes, *, option: str = "-o") -> None:
-    """Write a file atomically; ``option`` names it in errors. Raises OutputError."""
+    """Write a file that the user names atomically, with the user's permissions; ``option`` names it in errors. Raises OutputError."""
     try:
         handle, scratch = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.")
         try:

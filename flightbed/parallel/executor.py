@@ -1,4 +1,4 @@
-"""Executor for the tasks of studies and campaigns, on local processes or dask workers: a worker that dies loses no task."""
+"""Executor for the tasks of studies and campaigns, on local processes or dask workers; the task of a worker that dies is repeated."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def results(
     Args:
         tasks: read as needed.
         work: functions for one task.
-        executor: an executor, a function that opens one, or None to run in this process, where a death ends everything.
+        executor: an executor, a function that opens one, or None to run in this process, which a crash of a task ends.
         ahead: most submitted tasks beyond the first unfinished one.
 
     Raises:
