@@ -126,7 +126,7 @@ def _axis_problems(settings: CampaignSettings, place: str, overridden: Sequence[
         last = axis.key.rpartition(".")[2]
         if axis.key in _FIXED or (axis.key.startswith("estimators.") and last == "name"):
             found.append(
-                f"{place}: axes.{i}.key: '{axis.key}' cannot be varied; name a single number or word of a flight"
+                f"{place}: axes.{i}.key: '{axis.key}' cannot be varied; name the key of a single number or text"
             )
         found += [
             f"--set {key}: is varied by the campaign, see axes.{i} in {place}"

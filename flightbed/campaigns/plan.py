@@ -26,7 +26,7 @@ from flightbed.scenario.tables import Scenario
 
 Values = Mapping[str, Any]  # key of the scenario -> value
 
-MOST_REMEMBERED = 100  # up to so many points, all keep histories, about 0.6 MB each
+MOST_REMEMBERED = 100  # most points that all keep histories, about 0.6 MB each
 SHOWN = 12  # most points with histories in the report
 _SEED_BITS = 53  # every reader of JSON represents such a seed exactly
 
@@ -128,7 +128,7 @@ class Programme:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of everything that decides the table: scenario, axes, criteria, runs, seed, aircraft, versions, own code."""
+        """SHA-256 of everything that determines the table: scenario, axes, criteria, runs, seed, aircraft, versions, own code."""
         return _sha256(
             {
                 "scenario": self.raw,
@@ -155,7 +155,7 @@ def with_values(raw: Mapping[str, Any], values: Values, place: str) -> Mapping[s
 
 
 def flight_hash(scenario: Scenario, extensions: Sequence[Extension]) -> str:
-    """Return the SHA-256 of everything that decides a flight: complete scenario with aircraft and seed, versions, own code.
+    """Return the SHA-256 of everything that determines a flight: complete scenario with aircraft and seed, versions, own code.
 
     Name, description and the path of the aircraft are left out; the aircraft's fingerprint is part of the scenario.
     """

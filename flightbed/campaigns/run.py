@@ -62,8 +62,8 @@ def run(
         The campaign, None if ``resume`` found it finished, and its folder.
 
     Raises:
-        As ``fly``; OutputError if the folder cannot be written; InputError if it holds another campaign; KeyboardInterrupt, with the way
-        to continue, after it has written the table of the finished flights.
+        As ``fly``; OutputError if the folder cannot be written; InputError if it holds another campaign; KeyboardInterrupt, with the
+        command that continues, after it has written the table of the finished flights.
 
     """
     from flightbed.campaigns.folder import finish
@@ -98,7 +98,7 @@ def fly(
         flights: a programme or a scenario.
         runs: flights of a scenario.
         executor: an executor (``processes.local_processes``), or a function that opens one (``executor.opener``); None flies in this
-            process, where a flight that ends the process ends everything. The flights do not depend on it.
+            process, which a crash of a flight ends. The flights do not depend on it.
         progress: called with the numbers of finished flights and of all flights, whenever some finish.
 
     Raises:
@@ -133,7 +133,7 @@ def _chunk_results(
 
 @contextmanager
 def _store_on_interrupt(book: Journal, programme: Programme) -> Iterator[None]:
-    """If the flights end early, write the table of the finished ones, and add to the error how to continue."""
+    """After an early end, write the table of the finished flights, and add the command that continues to the error."""
     from flightbed.campaigns.folder import put_table
 
     try:
@@ -155,7 +155,7 @@ def _store_on_interrupt(book: Journal, programme: Programme) -> Iterator[None]:
 
 
 def _with_passed(programme: Programme, rows: list[Row]) -> list[Row]:
-    """Fill in the column ``passed``, in place because there may be many rows."""
+    """Return the rows with the column ``passed``; replaces them in the list, because there may be many."""
     criteria = () if programme.settings is None else programme.settings.criteria
     for i, row in enumerate(rows):
         rows[i] = {**row, "passed": passes(row, criteria)}

@@ -102,7 +102,7 @@ def join_flights(single: Sequence[ChunkResult]) -> ChunkResult:
 
 
 def killed_result(chunk: Chunk) -> ChunkResult:
-    """Return the result of a chunk of one flight that ends its worker process every time: a row with this error."""
+    """Return the result of a chunk of one flight whose worker process died every time: a row with this error."""
     (flight,) = chunk.flights
     with permit_packed(chunk.extensions):
         scenario = scenario_of(chunk.raw, flight)

@@ -254,7 +254,7 @@ def test_a_disk_that_is_full_at_the_end_leaves_an_unfinished_campaign_without_a_
 def test_the_folder_of_another_campaign_is_refused(programme: Programme, whole: Path, tmp_path: Path) -> None:
     other = plain(load_scenario("elevator-loss", [*SHORT, "failures.0.to=0.3"]), RUNS)
     longer = plain(load_scenario("elevator-loss", SHORT), RUNS + 1)
-    for wanted, told in (
+    for wanted, message in (
         (
             other,
             f"holds campaign 'elevator-loss' ({RUNS} flights) with other settings, aircraft or versions; name another folder",
@@ -266,7 +266,7 @@ def test_the_folder_of_another_campaign_is_refused(programme: Programme, whole: 
     ):
         with pytest.raises(InputError) as caught:
             campaigns.run(wanted, whole, resume=True)
-        assert told in str(caught.value)
+        assert message in str(caught.value)
     with (
         journal(tmp_path / "x", programme, replace=True, resume=False),
         pytest.raises(OutputError, match="another process is flying this campaign"),

@@ -57,7 +57,7 @@ class Deadly:
 
 @pytest.fixture
 def deadly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Programme]]:
-    """Makes a programme of which one flight kills: by what its first reading is, which no other flight's is."""
+    """Return a programme in which one flight ends its process; its first reading, which no other flight has, identifies it."""
     (tmp_path / "deadly.py").write_text(CODE)
     monkeypatch.chdir(tmp_path)
     reading = next(iter(fly(load_scenario("elevator-loss", [*SHORT, f"seed={VICTIM}"])))).measurement.alpha_rad
@@ -72,7 +72,7 @@ def deadly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
 
 @cache
 def _expected() -> list[Row]:
-    """The rows of flights that kill nobody, but for the victim's."""
+    """Rows of all flights except the victim's."""
     return list(campaigns.fly(load_scenario("elevator-loss", SHORT), RUNS).rows)
 
 
@@ -84,8 +84,8 @@ def _assert_as_expected(folder: Path) -> None:
     for row, expected in zip(table, _expected(), strict=True):
         if row["index"] != VICTIM:
             assert {**row, "hash": None} == {**expected, "hash": None}
-    told = json.loads((folder / "summary.json").read_text())
-    assert (told["errors"], told["flights"]) == (1, RUNS)
+    stored = json.loads((folder / "summary.json").read_text())
+    assert (stored["errors"], stored["flights"]) == (1, RUNS)
     assert f"1 of {RUNS} flights failed: {DEATH_ERROR}" in (folder / "report.html").read_text()
 
 

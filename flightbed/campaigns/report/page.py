@@ -36,7 +36,7 @@ _MEANINGS = {
         for error, key, _ in FOLLOWED
         for when, words in (
             ("pre", "before the first failure"),
-            ("post", "from 0.3 s after the first failure; of a flight that ends early, as far as it got"),
+            ("post", "from 0.3 s after the first failure; of a flight that ends early, up to its end"),
         )
     },
     **{key: meaning for key, (_, meaning) in {**PULL_UP_METRICS, **ESTIMATOR_METRICS}.items()},
@@ -181,13 +181,13 @@ def _colors(campaign: Campaign) -> dict[str, str]:
 
 
 def _distributions(campaign: Campaign) -> list[Picture]:
-    """Return histograms: of tracking by what came of the flight, of the errors and delays of every estimator."""
+    """Return histograms: tracking by outcome, and the errors and delays of every estimator."""
     followed = campaign.summary.tracking.followed
     chosen = campaign.quantity(followed.column)
     gone = [row["departed"] for row in campaign.flown]
     by_end: list[Line] = [
         (name, color, [v for v, away in zip(chosen.values, gone, strict=True) if v is not None and away == wanted])
-        for name, color, wanted in (("stayed", drawing.ACTUAL, False), ("departed", drawing.FAILURE, True))
+        for name, color, wanted in (("not departed", drawing.ACTUAL, False), ("departed", drawing.FAILURE, True))
     ]
     what, after = f"RMS of {followed.what}", "from 0.3 s after the failure" if followed.after else "of the whole flight"
     found = [_histogram("tracking", "Tracking", f"{what} {after}.", f"{what}, {followed.unit}", by_end)]

@@ -23,7 +23,7 @@ _BUCKETS = 200  # intervals of time per figure: 0.08 s each of 16.5 s
 
 
 def selection_text(campaign: Campaign, points: Sequence[int]) -> list[str]:
-    """Return sentences on the bands, and on points without a figure."""
+    """Return sentences on the bands and on points without a figure."""
     of, kept = len(campaign.programme.points), len(campaign.histories)
     low, inner_low, _, inner_high, high = PERCENTILES
     sentences = [
@@ -34,11 +34,11 @@ def selection_text(campaign: Campaign, points: Sequence[int]) -> list[str]:
         settings = campaign.programme.settings
         chosen = settings is not None and settings.histories.keep == "chosen"
         rest = (
-            f"the campaign file chooses {kept}"
+            f"the campaign file selects {kept}"
             if chosen
-            else f"of more than {MOST_REMEMBERED} points no more are kept, unless histories.points chooses"
+            else f"with more than {MOST_REMEMBERED} points only {kept} keep histories, unless histories.points selects others"
             if kept < of and of > MOST_REMEMBERED
-            else f"histories.parquet has the {kept} at which something flew"
+            else f"histories.parquet has the {kept} points with a flight without error"
         )
         sentences.append(f"Shown are {len(points)} of {of} points; {rest}.")
     return sentences
@@ -99,7 +99,7 @@ def _small(
             if i + across >= len(points):
                 axis.tick_params(labelbottom=True)
                 axis.set_xlabel("time, s")
-        text = f"The {name} and the flights, a small figure a point, which is named above it: {_keys(campaign)}."
+        text = f"The {name} and the flights, one figure per point; its title gives {_keys(campaign)}."
         return Picture(key, title, drawing.distinct(svg(), key), text)
 
 
