@@ -42,9 +42,9 @@ _ESTIMATOR: Mapping[str, Callable[[EstimatorMetrics], float | None]] = {
     "- mean NIS, 1": lambda measured: measured.nis_mean,
 }
 _NOTE = (
-    "RMS is of q - q_ref, or of nz, p and beta less their references, of all runs over the same time, as long as each flew. Of each "
-    "estimator: the errors of K from 0.3 s after the run's failure, how long after it K was first within 20 % and a change was declared, "
-    "and the mean NIS. In brackets the difference from the first run."
+    "RMS of q - q_ref, likewise of nz, p and beta, over the same time for all runs, up to the end of each. Per estimator: errors of K from "
+    "0.3 s after the run's failure, time from the failure to the first K within 20 % and to the first declared change, mean NIS. "
+    "In brackets: difference from the first run."
 )
 
 
@@ -60,7 +60,7 @@ class Run:
         summary: of its metrics.json.
         settings: dotted key of the resolved scenario -> value.
         idle: keys without effect.
-        estimator: the estimator in the figures: the one that corrects the law, else the first; None without estimators.
+        estimator: name of the estimator in the figures: the one that corrects the law, else the first; None without estimators.
 
     """
 
@@ -86,7 +86,7 @@ class Run:
         return "aileron_deg" in self.trace.columns
 
     def smoothed(self, surface: str) -> Vector | None:
-        """Return the smoothed K of a surface from the estimator estimator; None if it does not estimate it."""
+        """Return the smoothed K of a surface from the run's ``estimator``; None if it does not estimate it."""
         name = "" if self.estimator is None else estimate_name(self.estimator, surface)
         return self.trace[f"{name}.effectiveness_smoothed"] if name in self.trace.estimators else None
 
@@ -304,7 +304,7 @@ def _differences(these: Mapping[str, Any], those: Mapping[str, Any]) -> dict[str
     found: dict[str, Any] = {}
     for key, value in these.items():
         if key == "seed" or key.startswith("tracking_rms_"):
-            continue  # the seed is no measure; tracking may be over different times, see ``tracking``
+            continue  # the seed is not a metric; tracking may cover different times, see ``tracking``
         other = those.get(key)
         if isinstance(value, Mapping) and isinstance(other, Mapping):
             if inner := _differences(value, other):

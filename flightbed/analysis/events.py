@@ -17,7 +17,7 @@ from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR
 from flightbed.flight.loop import DEPARTURE_RAD
 from flightbed.scenario.tables import Scenario
 
-_MANY = 10  # spells of late ticks that the event log lists one by one
+_MANY = 10  # most spells of late ticks that the event log lists separately
 
 
 def failures(scenario: Scenario) -> list[str]:
@@ -34,25 +34,23 @@ def _failure_text(failure: Failure) -> str:
     surface = f"the {failure.surface}"
     match failure.kind:
         case "ramp":
-            return f"{surface} begins to go to {failure.to:.0%} of its effect, over {failure.over_s:g} s"
+            return f"{surface} effectiveness ramps to {failure.to:.0%} over {failure.over_s:g} s"
         case "structural":
-            return f"{surface} keeps {failure.to:.0%} of its moment and {failure.force_to:.0%} of its lift and drag"
+            return f"{surface} moment falls to {failure.to:.0%}, its lift and drag to {failure.force_to:.0%}"
         case "cg-shift":
             where = "aft" if failure.shift_cbar >= 0.0 else "ahead"
-            return f"the c.g. moves to {abs(failure.shift_cbar):.1%} of the chord {where} of where it was at take-off"
+            return f"the c.g. moves to {abs(failure.shift_cbar):.1%} of the chord {where} of its position at take-off"
         case "stuck":
-            return f"{surface} is stuck where it is"
+            return f"{surface} is stuck at its current position"
         case "floating":
-            return f"{surface} comes off its actuator and trails in the stream"
+            return f"{surface} is disconnected from its actuator and floats in the airstream"
         case "hardover":
-            return (
-                f"{surface} runs to its {'highest' if failure.side == 'high' else 'lowest'} stop, whatever is commanded"
-            )
+            return f"{surface} runs to its {'highest' if failure.side == 'high' else 'lowest'} stop, regardless of the command"
         case "rate-limit":
-            return f"{surface} keeps {failure.to:.0%} of its rate limit"
+            return f"{surface} rate limit falls to {failure.to:.0%}"
         case "bias":
-            return f"{surface} is off by {failure.bias_deg:+g} deg, which its position feedback does not show"
-    return f"{surface} keeps {failure.to:.0%} of its effect"
+            return f"{surface} has a bias of {failure.bias_deg:+g} deg that its position feedback does not show"
+    return f"{surface} effectiveness steps to {failure.to:.0%}"
 
 
 def _gust_text(gust: GustSettings) -> str:
@@ -94,10 +92,10 @@ def trace_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int 
 def _verdict_text(trace: Trace, name: str, tick: int) -> str:
     """Return the verdict of an alarm at a tick, in words."""
     if f"{name}.verdict" not in trace.columns:
-        return f"declares a change of K, to {trace[f'{name}.effectiveness'][tick]:.2f}"
+        return f"declares a change of K to {trace[f'{name}.effectiveness'][tick]:.2f}"
     if trace[f"{name}.verdict"][tick] == ACTUATOR:
         return "finds that the elevator does not follow its command"
-    return f"finds what no K explains: {trace[f'{name}.offset_deg'][tick]:+.1f} deg besides the elevator's position"
+    return f"finds a deflection that no K explains: {trace[f'{name}.offset_deg'][tick]:+.1f} deg beside the measured position"
 
 
 def events(

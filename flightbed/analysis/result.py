@@ -1,6 +1,6 @@
 """Flight of a plan -> Result: the trace with its Cramer-Rao bound and margins, the metrics, and the summary of metrics.json.
 
-Nothing here writes a folder, draws, or knows a viewer: samples can be watched through a function that is handed in.
+Nothing here writes a folder, draws, or imports a viewer; a function given as ``watch`` sees the samples in flight.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def fly_scenario(
             the samples.
 
     Raises:
-        InputError, NotComputableError: as the parts raise them.
+        InputError, NotComputableError: from the plan or the flight.
 
     """
     planned = plan(scenario)
@@ -105,9 +105,9 @@ def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:
 
 
 def fly_trace(flight: Flight, scenario: Scenario, pace: Clock | None = None, watch: Watch | None = None) -> Trace:
-    """Fly and keep every sample.
+    """Fly; return the trace of all samples.
 
-    Without clock and watcher, and with parts of flightbed alone, the flight computer is compiled: the samples are the same bit for bit.
+    Without clock, watcher and external code the flight computer is compiled; the samples are equal bit for bit.
 
     Args:
         flight: assembled, at its start.

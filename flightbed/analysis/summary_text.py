@@ -1,4 +1,4 @@
-"""Run card of a flight: settings, failures and outcome as text."""
+"""Text summary of a flight: settings, failures and outcome."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flightbed.scenario.tables import Scenario
 
 
 def run_text(scenario: Scenario, summary: RunSummary) -> str:
-    """Return the run card of a flight, Markdown."""
+    """Return the text summary of a flight, Markdown."""
     trim, condition = summary.trim, scenario.condition
     pace = f"- real time: {pace_text(summary.realtime, summary.flown_s)}\n" if summary.realtime else ""
     estimators = "".join(
@@ -67,7 +67,7 @@ def tracking_words(scenario: Scenario, summary: RunSummary) -> str:
 
 
 def _failure_lines(scenario: Scenario) -> str:
-    """Return the lines of a card on failures and air."""
+    """Return the lines of the summary on failures and air."""
     return (
         f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
         f"- air: turbulence {scenario.atmosphere.turbulence}; gusts {'; '.join(gusts(scenario)) or 'none'}\n"
@@ -75,7 +75,7 @@ def _failure_lines(scenario: Scenario) -> str:
 
 
 def plan_text(scenario: Scenario) -> str:
-    """Return the card of a flight before take-off, Markdown."""
+    """Return the text summary of a flight before take-off, Markdown."""
     condition = scenario.condition
     return (
         f"# {scenario.name}\n\n{scenario.description}\n\n"
@@ -143,12 +143,12 @@ def _lateral_rows(scenario: Scenario) -> list[tuple[str, str]]:
     return [
         ("roll-rate command", command(scenario, "lateral.roll")),
         ("sideslip command", command(scenario, "lateral.sideslip")),
-        ("roll and yaw", f"LQ regulator; as bad as each other are {weights}"),
+        ("roll and yaw", f"LQ regulator; equal cost of {weights}"),
     ]
 
 
 def command(scenario: Scenario, place: str = "command") -> str:
-    """Return a command in words: its kind and every key that it uses; of code outside flightbed every key that is set.
+    """Return a command in words: its kind and every key that it uses; for external code every key that is set.
 
     Args:
         scenario: the settings.

@@ -1,4 +1,4 @@
-"""Folders of runs, studies and comparisons, written atomically; the folder of a campaign grows, see campaigns/journal.py."""
+"""Folder of a run, written atomically; ``campaigns/journal.py`` writes the folder of a campaign in steps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RUN = FolderKind("run", frozenset({"scenario.toml", "trace.parquet", "metrics.js
 
 
 def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replace: bool) -> Path:
-    """Write the folder of a run, with recording and report on demand; returns its path."""
+    """Write the folder of a run, with recording and report if requested; returns its path."""
 
     def write(new: Path) -> None:
         (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")

@@ -47,7 +47,7 @@ def run(
 ) -> Result:
     """Fly a scenario; with ``out``, write a folder with scenario, trace, metrics, recording and report.
 
-    The folder appears complete or not at all; an interrupted flight writes nothing.
+    The folder is written atomically; an interrupted flight writes nothing.
 
     Args:
         scenario: the settings of the flight.
@@ -56,12 +56,12 @@ def run(
         report: write a report page into the folder.
         replace: replace an earlier run in ``out`` when the flight is over, and refuse any other folder that is not empty; if false, write
             the first of OUT, OUT-2, OUT-3, ... that does not exist.
-        pace: clock that the ticks keep to, ``flightbed.WallClock()`` for real time; the trace then has the columns of
-            ``pacing.with_timings`` in addition. None flies as fast as possible.
-        live: shows the flight in a viewer in flight, ``flightbed.Live()`` on this computer; used once.
+        pace: clock that releases the ticks, ``flightbed.WallClock()`` for real time; the trace then also has the columns of
+            ``punctuality.with_timings``. None flies as fast as possible.
+        live: viewer that shows the flight as it flies, ``flightbed.Live()`` on this computer; each object serves one flight.
 
     Raises:
-        InputError, NotComputableError: as the parts raise them.
+        InputError, NotComputableError: from the plan or the flight.
         OutputError: the folder cannot be written.
 
     """

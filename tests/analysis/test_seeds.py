@@ -83,10 +83,10 @@ def test_chunks_threads_and_processes_change_no_bit(
         assert threads_of_a_worker == ["3", "1"]  # as the environment says; where it says nothing, one
         assert executor.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
         _assert_the_same(fly_jobs(jobs, executor=executor, progress=done.append), flown)
-        with pytest.raises(ScenarioError) as caught:  # what a worker finds is told as if it were found here
+        with pytest.raises(ScenarioError) as caught:  # a worker's problems are reported like those of this process
             fly_jobs([Job(_scenario("condition.mach=0.5", "condition.gamma_deg=3"), 3)], executor=executor)
-        told = [line.partition(":")[0] for line in str(caught.value).splitlines()]
-        assert told == ["condition.mach", "condition.gamma_deg"]
+        places = [line.partition(":")[0] for line in str(caught.value).splitlines()]
+        assert places == ["condition.mach", "condition.gamma_deg"]
     assert sorted(done) == [1, 2, 2, 2]
     assert (os.environ["OMP_NUM_THREADS"], os.getenv("OPENBLAS_NUM_THREADS")) == ("3", None)  # ours is as it was
 
@@ -117,7 +117,7 @@ def test_order_is_that_of_the_seeds_not_of_the_finish(monkeypatch: pytest.Monkey
 
 
 class _Held(Executor):
-    """An executor that ends the first task as it is told, and begins no other."""
+    """An executor that completes the first task with ``end`` and starts no other."""
 
     def __init__(self, end: Callable[[Future[Any]], None]) -> None:
         self.end, self.futures = end, list[Future[Any]]()

@@ -232,11 +232,11 @@ def test_the_metrics_of_a_flight_in_g_are_in_g(tmp_path: Path) -> None:
     assert summary.metrics.tracking_rms_post_nz_g == pytest.approx(np.sqrt(np.mean(error[late] ** 2)))
     assert summary.metrics.tracking_rms_post_deg_s is None
     one = pull_up(trace.columns, control_hz=100, ticks=1800)
-    told = [
+    expected = [
         getattr(summary.metrics, f"pull_up_{key}")
         for key in ("overshoot", "undershoot", "disturbance_g", "flutter_deg")
     ]
-    assert told == [one.overshoot, one.undershoot, one.disturbance_g, one.flutter_deg]
+    assert expected == [one.overshoot, one.undershoot, one.disturbance_g, one.flutter_deg]
     assert "nz - nz_ref" in run_text(result.plan.scenario, summary)
     page = (tmp_path / "run" / "report.html").read_text()
     assert "RMS of nz - reference" in page
