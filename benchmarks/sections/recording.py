@@ -1,6 +1,6 @@
-"""What is made of one flight, and what that costs beside flying it: trace, metrics, the bound, files; and how large they are.
+"""Cost of the products of a flight, beside that of the flight: trace, metrics, the bound, files; and the size of the files.
 
-Files are timed by the wall's clock, because threads of libraries help to write them; the rest by the processor's.
+Files are timed by the wall clock, because threads of libraries help to write them; all else by processor time.
 """
 
 from __future__ import annotations

@@ -555,7 +555,7 @@ def test_a_nan_of_the_correcting_estimator_is_an_error() -> None:
     with using({"bad": _says_nan}):
         with pytest.raises(EstimateError, match="estimators.0: smoothed K is nan at t = 0 s"):
             run(load_scenario("nominal", keys))
-        beside = run(load_scenario("nominal", [*keys, "adaptation.enabled=false"]))  # hurts nobody
+        beside = run(load_scenario("nominal", [*keys, "adaptation.enabled=false"]))  # harmless
     assert beside.summary.metrics.estimators["scheduled"].nis_expected == 2.0
 
 

@@ -42,7 +42,7 @@ def test_every_task_is_done_once(threads: int) -> None:
 
 
 class _Dies(Executor):
-    """Does what it is told at once, but tasks of some numbers kill, so many times; notes what was asked of it."""
+    """Run each task at once, except those in ``killers``, which kill their worker that many times; records the tasks."""
 
     def __init__(self, killers: dict[int, int], error: Exception | None = None) -> None:
         self.killers, self.error = dict(killers), error or BrokenExecutor("a worker died")
@@ -217,9 +217,9 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_table(tmp_path: Path)
     pytest.importorskip("distributed")
     with dask_cluster.scheduler(tmp_path) as address:
         command = ["campaign", "elevator-loss", "--runs", "60", *LONGER, "--out", "x", "--scheduler", address]
-        nobody = flightbed(*command, cwd=tmp_path)
-        assert (nobody.returncode, nobody.stderr.count("\n")) == (2, 1), nobody.stderr
-        assert f"--scheduler {address}: has no workers; start some, dask worker {address}\n" in nobody.stderr
+        done = flightbed(*command, cwd=tmp_path)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+        assert f"--scheduler {address}: has no workers; start some, dask worker {address}\n" in done.stderr
         assert not (tmp_path / "x").exists()
         with (
             dask_cluster.workers(address, tmp_path, "--no-nanny") as workers,
