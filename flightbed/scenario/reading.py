@@ -11,7 +11,7 @@ from flightbed.config.reading import display_path, read_toml, validation_lines, 
 from flightbed.config.table import ValidationError
 from flightbed.core import data
 from flightbed.core.errors import ScenarioError
-from flightbed.scenario.checks import contradictions, idle_keys
+from flightbed.scenario.checks import conflicts, unused_keys
 from flightbed.scenario.tables import Scenario
 
 __all__ = ["Scenario", "load_scenario"]
@@ -48,7 +48,7 @@ def apply_overrides(raw: Mapping[str, Any], place: str, overrides: Sequence[str]
         raw = {**raw, "description": f"{description} (changed: {', '.join(overrides)})".strip()}
     scenario = validate(raw, place, dict.fromkeys(overridden, "--set"))
     if idle := [
-        f"--set {key}: has no effect with {why}" for key, why in idle_keys(scenario).items() if key in overridden
+        f"--set {key}: has no effect with {why}" for key, why in unused_keys(scenario).items() if key in overridden
     ]:
         raise ScenarioError(idle)
     return raw, scenario
@@ -70,6 +70,6 @@ def validate(raw: Mapping[str, Any], place: str, origins: Mapping[str, str]) -> 
         scenario = Scenario.model_validate(with_tuples(raw))
     except ValidationError as error:
         raise ScenarioError(validation_lines(error, place, origins, model=Scenario)) from None
-    if found := contradictions(scenario):
+    if found := conflicts(scenario):
         raise ScenarioError([f"{place}: {line}" for line in found])
     return scenario
