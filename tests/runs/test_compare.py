@@ -195,7 +195,7 @@ def test_an_earlier_comparison_is_replaced_and_nothing_else(folders: list[Path],
     for _ in range(2):
         done = flightbed("compare", *map(str, folders[:2]), "--out", "both", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
-    assert "In brackets the difference from the first run." in " ".join(done.stdout.split())
+    assert "In brackets: difference from the first run." in " ".join(done.stdout.split())
     (tmp_path / "both" / "mine.txt").write_text("keep")
     done = flightbed("compare", *map(str, folders[:2]), "--out", "both", cwd=tmp_path)
     assert done.returncode == 2
