@@ -18,7 +18,7 @@ from flightbed.campaigns import run as campaigns
 from flightbed.campaigns import worker
 from flightbed.campaigns.file import load_programme
 from flightbed.campaigns.histories import Histories
-from flightbed.campaigns.plan import Programme, few, scenario_of
+from flightbed.campaigns.plan import Programme, scenario_of, select_points
 from flightbed.campaigns.report.histories import histories_sections
 from flightbed.campaigns.settings import CampaignSettings
 from flightbed.campaigns.worker import chunk_of
@@ -251,16 +251,16 @@ def _settings(**changes: Any) -> CampaignSettings:
 
 
 def test_few_of_many() -> None:
-    grid = few(_settings(lengths=(8, 8)), range(64), 12)
+    grid = select_points(_settings(lengths=(8, 8)), range(64), 12)
     assert sorted({p // 8 for p in grid}) == [0, 4, 7]
     assert sorted({p % 8 for p in grid}) == [0, 2, 5, 7]
     assert len(grid) == 12
-    assert few(_settings(lengths=(40,)), range(40), 5) == [0, 10, 20, 29, 39]
-    assert few(_settings(lengths=(20, 20), combine="paired"), range(20), 3) == [0, 10, 19]
-    assert few(_settings(lengths=(3, 4)), range(12), 12) == list(range(12))
-    assert few(None, [0], 12) == [0]
-    assert few(_settings(lengths=(8, 8)), [1, 5, 9], 2) == [1, 9]  # chosen points have no grid
-    assert 0 < len(few(_settings(lengths=(5, 5, 5)), range(125), 12)) <= 12
+    assert select_points(_settings(lengths=(40,)), range(40), 5) == [0, 10, 20, 29, 39]
+    assert select_points(_settings(lengths=(20, 20), combine="paired"), range(20), 3) == [0, 10, 19]
+    assert select_points(_settings(lengths=(3, 4)), range(12), 12) == list(range(12))
+    assert select_points(None, [0], 12) == [0]
+    assert select_points(_settings(lengths=(8, 8)), [1, 5, 9], 2) == [1, 9]  # chosen points have no grid
+    assert 0 < len(select_points(_settings(lengths=(5, 5, 5)), range(125), 12)) <= 12
 
 
 def test_the_terminal_lists_few_points_within_its_width(tmp_path: Path) -> None:
