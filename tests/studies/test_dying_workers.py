@@ -20,7 +20,7 @@ from flightbed.core.errors import InputError
 from flightbed.document.document import Section
 from flightbed.parallel.executor import DEATHS, Opener, opener
 from flightbed.scenario.reading import Scenario, load_scenario
-from flightbed.studies.base import Study, Trials, keyed, reproduce, run_trials
+from flightbed.studies.base import Study, Trials, keyed_part, reproduce, run_trials
 from tests import dask_cluster
 
 RUNS = 24  # three chunks
@@ -90,7 +90,7 @@ def _results(dying: ModuleType, folder: Path, executor: Opener | None) -> Mappin
         "flights": Job(_scenario("estimator", folder / "flights"), RUNS, ("q_deg_s",)),
         "trials": Trials(dying.draw, (str(folder / "trials"),), RUNS),
     }
-    reproduce(Study("dying", "Dying", RUNS, lambda _: [keyed(jobs, build)]), RUNS, executor=executor)
+    reproduce(Study("dying", "Dying", RUNS, lambda _: [keyed_part(jobs, build)]), RUNS, executor=executor)
     return found
 
 
