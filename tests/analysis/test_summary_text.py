@@ -1,4 +1,4 @@
-"""The words on a flight: what failed, what blew, and when."""
+"""Text summary and events of a flight: failures, gusts and their times."""
 
 from __future__ import annotations
 

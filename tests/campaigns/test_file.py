@@ -1,4 +1,4 @@
-"""Campaign files: what they say is what is flown; every problem at once; seeds and draws that depend on nothing else."""
+"""Campaign files: flights follow the file; all problems at once; seeds and draws depend only on campaign seed, index and key."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_a_drawn_value_depends_on_its_key_and_not_on_other_axes(tmp_path: Path) 
 
 
 def test_draws_have_their_distribution() -> None:
-    """Of 2000 the share below a quantile lies within its exact interval around what it is (of ours, these seeds: it does)."""
+    """For 2000 draws the share below a quantile lies within the exact interval around its probability (true for these seeds)."""
     normal = AxisSettings.model_validate({"key": "x", "distribution": "normal", "mean": 1.0, "std": 0.5, "low": 1.0})
     uniform = AxisSettings.model_validate({"key": "x", "distribution": "uniform", "low": -2, "high": 2})
     for axis, quantile in ((normal, 1.0 + 0.5 * 0.6744897501960817), (uniform, 0.0)):
@@ -216,7 +216,7 @@ def test_a_campaign_is_written_as_it_is_read(tmp_path: Path) -> None:
 
 
 def test_flights_of_a_campaign_have_the_same_estimates(tmp_path: Path) -> None:
-    """They are columns of the table: with roll and yaw in some flights alone there would be others."""
+    """Estimates are columns of the table: roll and yaw in only some flights would change the columns."""
     (tmp_path / "base.toml").write_text(rolling(["failures=[]"]).to_toml())
     text = HEAD.replace("elevator-loss", str(tmp_path / "base.toml"))
     with pytest.raises(ScenarioError) as caught:

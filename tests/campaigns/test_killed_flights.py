@@ -1,4 +1,4 @@
-"""Flights that kill the process that flies them: the same row in the same table, whoever flies; their neighbours are as if they were alone."""
+"""Flights that end their process: the same row in the same table on any workers; other flights are not affected."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def test_the_hash_of_a_flight_that_kills_is_that_of_the_flight() -> None:
 
 
 def test_a_process_that_dies_once_blames_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As of one that somebody kills, or that runs out of memory that two needed together: alone, the flight flies."""
+    """A worker killed from outside, or out of memory that two tasks needed together: the flight succeeds when it runs alone."""
     monkeypatch.setattr(campaigns, "fly_chunk", _dies_where_it_is_not_alone)
     _, folder = campaigns.run(load_programme("elevator-loss", SHORT, RUNS), tmp_path / "x", workers=2)
     monkeypatch.undo()

@@ -1,4 +1,4 @@
-"""Campaigns: the same numbers as flights flown one by one, on any workers; the worst flies again; whole or not at all."""
+"""Campaigns: equal to flights flown one by one, on any workers; the worst flight is repeated; folders are written atomically."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def test_differences_are_from_the_first(runs: tuple[comparison.Run, ...]) -> Non
 
 
 def test_tracking_is_over_the_same_time_in_all_runs(runs: tuple[comparison.Run, ...]) -> None:
-    """The flights with and without a failure are the same until it: so is their tracking."""
+    """The flights with and without a failure are equal until its onset, and so is their tracking."""
     before, after = comparison.tracking(runs).values()
     assert list(comparison.tracking(runs)) == ["RMS before 4.5 s, deg/s", "RMS from 4.8 s, deg/s"]
     assert before[0] == before[1] == runs[1].summary.metrics.tracking_rms_pre_deg_s
@@ -242,7 +242,7 @@ def test_the_viewer_shows_it_without_complaint(compared: tuple[Path, str]) -> No
 
 
 def test_runs_with_roll_and_yaw_are_compared_with_one_without(tmp_path: Path) -> None:
-    """Tracking of p and beta, K of each surface against its own truth; of the run without them nothing."""
+    """Tracking of p and beta, K of each surface against its own truth; no such values for the run without roll and yaw."""
     run(rolling(), tmp_path / "oracle", rerun=False)
     run(rolling(["adaptation.enabled=false", "failures.1.to=0.7"]), tmp_path / "fixed", rerun=False)
     run(load_scenario("nominal", ["duration_s=5"]), tmp_path / "pitch", rerun=False)
