@@ -1,6 +1,6 @@
 """RunSummary: the numbers of one flight, as ``metrics.json`` stores them.
 
-Reports, run card, event log, terminal, viewer and comparison read its attributes; only ``to_dict`` and ``from_dict`` name the file's keys.
+Reports, text summary, events, terminal, viewer and comparison read its attributes; only ``to_dict`` and ``from_dict`` name the file's keys.
 """
 
 from __future__ import annotations

@@ -161,10 +161,10 @@ def _identity(flight: Flight, known: str | None, error: str | None) -> Row:
 
 def passes(row: Row, criteria: Sequence[Criterion]) -> bool | None:
     """Return whether a flight meets all criteria; None without criteria. A flight that raised, or without a value, does not."""
-    return all(_keeps(row[c.metric], c) for c in criteria) if criteria else None
+    return all(_meets(row[c.metric], c) for c in criteria) if criteria else None
 
 
-def _keeps(value: Value, criterion: Criterion) -> bool:
+def _meets(value: Value, criterion: Criterion) -> bool:
     if value is None:
         return False
     if criterion.equals is not None:

@@ -163,10 +163,10 @@ def _number(value: float | None, spec: str = ".2f", unit: str = "") -> str:
 
 def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType]:
     """Yield the lines on a campaign: headline, medians, points, the worst flight, folder."""
-    from flightbed.campaigns.report.headline import lead
+    from flightbed.campaigns.report.headline import headline_section
     from flightbed.campaigns.report.points import points_table
 
-    first = lead(campaign)
+    first = headline_section(campaign)
     yield Text.from_markup(f"[bold]{campaign.programme.name}[/bold]: {escape(campaign.programme.description)}")
     for paragraph in first.text:
         yield Padding(escape(paragraph), (0, 2))

@@ -39,10 +39,10 @@ def check_target(target: Path, kind: FolderKind, *, replace: bool, scratch: froz
         if replace and target.exists() and not target.is_dir():
             raise OutputError(f"--out {target}: is a file; name a folder")
         if replace and target.is_dir():
-            strangers = sorted(p.name for p in target.iterdir() if p.name not in kind.files | scratch)
-            if strangers:
+            others = sorted(p.name for p in target.iterdir() if p.name not in kind.files | scratch)
+            if others:
                 raise OutputError(
-                    f"--out {target}: holds '{strangers[0]}', which is not from a {kind.name}; name a new folder"
+                    f"--out {target}: holds '{others[0]}', which is not from a {kind.name}; name a new folder"
                 )
         parent = next(p for p in target.absolute().parents if p.exists())
         tempfile.TemporaryDirectory(dir=parent, prefix=".flightbed-").cleanup()

@@ -73,8 +73,8 @@ def write_comparison(path: Path, runs: Sequence[Run], *, tables: Sequence[Table]
         raise OutputError(f"{path}: cannot be written: {error}") from None
     with stream:
         stream.send_recording_name(" / ".join(run.label for run in runs))
-        card = "\n\n".join(_markdown(table) for table in tables)
-        stream.log("run_card", rr.TextDocument(card, media_type=rr.MediaType.MARKDOWN), static=True)
+        text = "\n\n".join(_markdown(table) for table in tables)
+        stream.log("run_card", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
         stream.log("world", rr.ViewCoordinates.FRD, static=True)
         for plot in plots:
             _lines(stream, plot, runs, slugs)

@@ -42,10 +42,10 @@ class Recorder:
         self._last_s = 0.0
 
     def begin(self) -> None:
-        """Log the static data: names, colours, the aircraft's mesh, the run card."""
+        """Log the static data: names, colours, the aircraft's mesh, the text summary."""
         stream = self._stream
         stream.send_recording_name(self._info.name)
-        self.card(self._info.card)
+        self.summary_text(self._info.summary_text)
         for plot in self._plots:
             style = rr.SeriesLines(
                 names=[line.label for line in plot.lines],
@@ -78,8 +78,8 @@ class Recorder:
             set_time(self._stream, t_s)
             self._stream.log("mode/elevator", rr.StateChange(state="departed"))
 
-    def card(self, text: str) -> None:
-        """Log the run card; it replaces an earlier one."""
+    def summary_text(self, text: str) -> None:
+        """Log the text summary; it replaces an earlier one."""
         self._stream.log("run_card", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
     def events(self, events: Iterable[Event]) -> None:

@@ -151,10 +151,10 @@ class LiveRecording:
         self._kept = values[-width * (round(WINDOW_S * info.control_hz) + 1) :]
 
     def finish(self, info: FlightInfo) -> None:
-        """Log the outcome of the flight: run card, events, departure."""
+        """Log the outcome of the flight: text summary, events, departure."""
         if self._recorder is None:
             return
-        self._recorder.card(info.card)
+        self._recorder.summary_text(info.summary_text)
         self._log(list(info.planned))
         if info.departed:
             self._recorder.departed()

@@ -68,9 +68,9 @@ def test_gusts_and_failures_are_reported_at_their_times() -> None:
     # Of K, times count from the elevator's failure, not from that of the c.g.
     within = summary.metrics.estimators["scheduled"].first_within_20pct_s
     assert times["K of 'scheduled' within 20 % of the truth"] == pytest.approx(1.5 + within)
-    card = run_text(scenario, summary)
+    text = run_text(scenario, summary)
     assert (
-        "- air: turbulence none; gusts at 0.5 s a gust of 9 ft/s down, rising for 0.25 s; at 1 s a gust of 12.5" in card
+        "- air: turbulence none; gusts at 0.5 s a gust of 9 ft/s down, rising for 0.25 s; at 1 s a gust of 12.5" in text
     )
     assert "- air: turbulence none; gusts none" in run_text(load_scenario("nominal"), summary)
 
@@ -81,12 +81,12 @@ def test_the_card_of_a_flight_says_nothing_of_what_it_has_not() -> None:
             "nominal", ["duration_s=1", "estimators=[]", "adaptation.enabled=false", "atmosphere.turbulence=light"]
         )
     )
-    card = run_text(result.plan.scenario, result.summary)
+    text = run_text(result.plan.scenario, result.summary)
     rms = result.summary.metrics.tracking_rms_pre_deg_s
-    assert f"- tracking RMS: {rms:.2f} deg/s\n" in card
-    assert "turbulence light" in card
-    assert "| estimator |" not in card
-    assert "own code" not in card
+    assert f"- tracking RMS: {rms:.2f} deg/s\n" in text
+    assert "turbulence light" in text
+    assert "| estimator |" not in text
+    assert "own code" not in text
     assert "turbulence light" in plan_text(result.plan.scenario)
 
 
@@ -113,10 +113,10 @@ def test_events_and_card_of_a_flight_with_roll_and_yaw() -> None:
         alarm = next(t for t, text, _ in happened if text.startswith(declared) and t >= at_s)
         assert alarm == pytest.approx(at_s + summary.metrics.estimators[name].detected_at_s)
     assert not any(text.startswith(("K of 'surfaces' ", "K of 'pitch' ")) for text in times)
-    card = run_text(scenario, summary)
+    text = run_text(scenario, summary)
     before, after = (summary.metrics.tracking_rms(phase, "beta_deg") for phase in PHASES)
-    assert f"beta - beta_ref {before:.2f} deg before, {after:.2f} deg from 0.3 s after the failure" in card
-    assert "| surfaces.rudder |" in card
+    assert f"beta - beta_ref {before:.2f} deg before, {after:.2f} deg from 0.3 s after the failure" in text
+    assert "| surfaces.rudder |" in text
     rows = dict(settings_rows(scenario, "f16"))
     assert rows["roll-rate command"].startswith("doublet, amplitude 20 deg/s, period 4.5 s")
     assert rows["sideslip command"].startswith("doublet, amplitude 2 deg, period 4.5 s")

@@ -20,7 +20,7 @@ START_S = 0.3  # until then an estimate shows its prior
 SEEN = 0.98  # share of the ticks whose bands lie within the frame
 
 
-def sample(ensemble: Ensemble) -> str:
+def sample_text(ensemble: Ensemble) -> str:
     """Return the accuracy of the percentiles, in words."""
     sampled = ensemble.sampled
     if sampled == ensemble.moments.flying[0]:
@@ -46,7 +46,7 @@ def edges(ensemble: Ensemble, column: str) -> list[Vector]:
     return [edge.astype(np.float64) for edge in ensemble.percentiles[column]]
 
 
-def top(values: Vector) -> float:
+def effectiveness_limit(values: Vector) -> float:
     """Return the upper end of an axis for K: just above the values, but at most 3, for estimates that diverge."""
     finite = values[np.isfinite(values)]
     return max(1.25, min(3.0, float(finite.max(initial=0.0)) + 0.1))

@@ -46,7 +46,7 @@ def _interval(middle: Interval, spec: str) -> str:
     return f"{show(middle.estimate, spec)} (95 % interval {middle.low:{spec}} to {middle.high:{spec}})"
 
 
-def lead(campaign: Campaign) -> Section:
+def headline_section(campaign: Campaign) -> Section:
     """Return the first section of the report."""
     scenario, summary = campaign.scenario, campaign.summary
     happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "no failures or gusts"

@@ -10,7 +10,16 @@ import numpy as np
 
 from flightbed.analysis.trace import true_share
 from flightbed.campaigns.plan import SHOWN, select_points
-from flightbed.campaigns.report.bands import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
+from flightbed.campaigns.report.bands import (
+    SEEN,
+    START_S,
+    Vector,
+    draw,
+    edges,
+    effectiveness_limit,
+    is_drawn,
+    sample_text,
+)
 from flightbed.campaigns.report.small_multiples import point_pictures, selection_text
 from flightbed.campaigns.result import Campaign
 from flightbed.core.estimate_names import estimator_indices
@@ -29,7 +38,7 @@ def histories_sections(campaign: Campaign) -> list[Section]:
         return []
     if len(campaign.programme.points) == 1:
         ensemble = campaign.histories[0]
-        text = (f"Over the flights that still fly: {_bands(ensemble)}", sample(ensemble))
+        text = (f"Over the flights that still fly: {_bands(ensemble)}", sample_text(ensemble))
         return [Section("Histories", text, _of_one(campaign, ensemble))]
     points = select_points(campaign.programme.settings, sorted(campaign.histories), SHOWN)
     return [Section("Histories at the points", selection_text(campaign, points), point_pictures(campaign, points))]
@@ -100,7 +109,7 @@ def _of_one(campaign: Campaign, ensemble: Ensemble) -> list[Picture]:
             drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.2, label="truth")
             draw(axis, t, ensemble, curve.column, curve.color, f"smoothed K of {curve.name}, median", drawing.BUCKETS)
             low, _, middle, _, high = edges(ensemble, curve.column)
-            axis.set_ylim(-0.08, top(high[t > START_S]))
+            axis.set_ylim(-0.08, effectiveness_limit(high[t > START_S]))
             axis.set_ylabel("K")
             words.append(
                 f"{curve.name} ends at {middle[-1]:.3f} ({PERCENTILES[0]} to {PERCENTILES[-1]} %: {low[-1]:.3f} to {high[-1]:.3f}; mean "

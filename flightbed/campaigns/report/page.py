@@ -9,7 +9,7 @@ import numpy as np
 from flightbed.analysis.pull_up import PULL_UP_METRICS
 from flightbed.analysis.result import Result
 from flightbed.analysis.summary_text import FOLLOWED, outcome, settings_rows
-from flightbed.campaigns.report.headline import flight_label, lead, median_cell
+from flightbed.campaigns.report.headline import flight_label, headline_section, median_cell
 from flightbed.campaigns.report.histories import histories_sections
 from flightbed.campaigns.report.points import points_section
 from flightbed.campaigns.result import Campaign
@@ -49,7 +49,7 @@ def campaign_report(campaign: Campaign) -> Document:
     aircraft = scenario.aircraft.model if worst is None else worst.plan.aircraft.name
     seeds, condition = _seeds(campaign), f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     facts = {
-        "again": _all_again(campaign),
+        "again": _rerun_command(campaign),
         "flights": summary.flights.flights,
         "seeds": seeds,
         "wall_time_s": round(summary.wall_time_s, 1),
@@ -83,7 +83,7 @@ def campaign_report(campaign: Campaign) -> Document:
         ]
     where = f" at {condition}" if len(programme.points) == 1 else f", {len(programme.points)} points"
     title = f"{programme.name}: {summary.flights.flights} flights of {aircraft}{where}"
-    return Document(title, sections, facts, lead(campaign))
+    return Document(title, sections, facts, headline_section(campaign))
 
 
 def _seeds(campaign: Campaign) -> str:
@@ -93,7 +93,7 @@ def _seeds(campaign: Campaign) -> str:
     return f"{programme.scenario.seed} to {programme.scenario.seed + len(programme) - 1}"
 
 
-def _all_again(campaign: Campaign) -> str:
+def _rerun_command(campaign: Campaign) -> str:
     own = "" if campaign.worst is None else use_options(campaign.worst.summary.own_code)
     if campaign.programme.settings is not None:
         return f"flightbed campaign FOLDER/campaign.toml{own}"

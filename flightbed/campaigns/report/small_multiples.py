@@ -8,7 +8,16 @@ import numpy as np
 
 from flightbed.analysis.trace import true_share
 from flightbed.campaigns.plan import MOST_REMEMBERED, SHOWN, select_points, values_of
-from flightbed.campaigns.report.bands import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
+from flightbed.campaigns.report.bands import (
+    SEEN,
+    START_S,
+    Vector,
+    draw,
+    edges,
+    effectiveness_limit,
+    is_drawn,
+    sample_text,
+)
 from flightbed.campaigns.report.points import value_words
 from flightbed.campaigns.result import Campaign
 from flightbed.core.estimate_names import estimator_indices
@@ -28,7 +37,7 @@ def selection_text(campaign: Campaign, points: Sequence[int]) -> list[str]:
     low, inner_low, _, inner_high, high = PERCENTILES
     sentences = [
         f"Median, bands from {inner_low} to {inner_high} % and from {low} to {high} % of the flights of a point that still fly. "
-        + sample(max((campaign.histories[point] for point in points), key=lambda ensemble: ensemble.sampled))
+        + sample_text(max((campaign.histories[point] for point in points), key=lambda ensemble: ensemble.sampled))
     ]
     if len(points) < of:
         settings = campaign.programme.settings
@@ -107,7 +116,7 @@ def _frame(ensemble: Ensemble, column: str, aim: str, t: Vector) -> tuple[float,
     """Return the limits of an axis: of K all but divergent values, of other histories the bands at nearly all ticks."""
     low, *_, high = edges(ensemble, column)
     if column != "q_deg_s":
-        return -0.08, top(high[t > START_S])
+        return -0.08, effectiveness_limit(high[t > START_S])
     shown = np.concatenate([low, high, ensemble.moments.mean[aim]])
     shown = shown[np.isfinite(shown)]
     if not shown.size:
