@@ -25,27 +25,27 @@ _TOLD = (
 
 
 def machine() -> dict[str, Any]:
-    """Return what figures depend on: number of cores, and the load average, which should be near 0 before they are taken."""
+    """Return the conditions of the figures: number of cores, and the load average, which should be near 0 before a measurement."""
     return {"cores": os.cpu_count() or 1, "load_average": os.getloadavg()[0]}
 
 
 def plain_shell(added: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment of a shell in which nothing that changes the figures is set but what is added."""
+    """Return the environment of a shell without variables that change the figures, except those given."""
     return {**{name: value for name, value in os.environ.items() if name not in _TOLD}, **added}
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much a section does.
+    """Effort of a section: rounds, scenarios, flights.
 
     Attributes:
         rounds: of each measurement.
         overrides: of all scenarios.
-        chunks, chunk: flights are handed out in so many chunks a worker, of so many flights.
-        flights: of one process that is watched for growth.
+        chunks, chunk: number of chunks per worker, and flights per chunk.
+        flights: of one process whose memory growth is measured.
         held: flights held in memory at once.
-        environment: added to that of a fresh shell.
-        report: what ``flightbed run --report`` is told in a fresh shell.
+        environment: variables added to those of a fresh shell.
+        report: value of ``flightbed run --report`` in a fresh shell.
 
     """
 
@@ -61,7 +61,7 @@ class Effort:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table: its head, the unit of its figures ("1" for a ratio), and how they are written."""
+    """A column of a table: its head, the unit of its figures ("1" for a ratio), and their format."""
 
     name: str
     unit: str
@@ -70,13 +70,13 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """What a section found: figures by row and column; None where a row has no such figure.
+    """Result of a section: figures by row and column; None where a row has no such figure.
 
     Attributes:
-        title: what was measured.
-        columns: what of it.
-        rows: name -> figures of each column, one a round.
-        note: what else there is to say, a sentence; may be empty.
+        title: the measured quantity.
+        columns: the columns, in order.
+        rows: name -> figures of each column, one per round.
+        note: a further sentence; may be empty.
 
     """
 

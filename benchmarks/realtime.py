@@ -1,10 +1,10 @@
-"""How well a paced flight keeps to the wall clock: alone, and with every core kept busy by other processes.
+"""Real-time performance of a paced flight: alone, and with every core kept busy by other processes.
 
     python benchmarks/realtime.py [--scenario elevator-loss] [--set KEY=VALUE ...] [--rounds 5] [--spin-us 200 ...]
 
-The cases are flown in turn, so that a change of the machine's mood meets all of them; medians over the rounds are printed with the
+The cases are flown in turn, so that a change of the machine's load affects all of them; medians over the rounds are printed with the
 range. ``--spin-us`` compares how long a wait spins before its end. ``collections`` counts runs of the garbage collector in flight. On a
-machine that others use too, "alone" is not: the load average before the first flight, which should be near 0, is printed.
+shared machine "alone" does not hold: the load average before the first flight, which should be near 0, is printed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def _busy(processes: int) -> Iterator[None]:
 
 
 def _fly(scenario: Scenario, spin_ns: int, busy: int) -> dict[str, Any]:
-    """Fly once; returns what metrics.json says of the pace, and how often garbage was collected meanwhile."""
+    """Fly once; returns the real-time performance of metrics.json, and the number of garbage collections in flight."""
     collected = []
 
     def collecting(phase: str, _: dict[str, int]) -> None:

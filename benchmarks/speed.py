@@ -1,11 +1,11 @@
-"""How fast flightbed is, and how much memory it takes: every figure of docs/benchmarks.md.
+"""Speed and memory of flightbed: every figure of docs/benchmarks.md.
 
     python benchmarks/speed.py                              # everything
     python benchmarks/speed.py --only loop estimators       # some sections
     python benchmarks/speed.py --json speed.json            # the value of every round, too
 
-What is compared is measured in turn within one run; a figure is the median over the rounds with the lowest and the highest, and a ratio is
-taken round by round. The figures want a machine that does nothing else: its load average before the first section is printed.
+Compared cases are measured in turn within one run; a figure is the median over the rounds with the lowest and the highest, and a ratio is
+taken round by round. The machine must be idle otherwise: its load average before the first section is printed.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ ROUNDS = 9
 
 
 def full(rounds: int) -> Effort:
-    """Return the effort that figures are taken with."""
+    """Return the effort of the published figures."""
     return Effort(rounds)
 
 
 def quick(rounds: int) -> Effort:
-    """Return the effort that shows whether all of this works: few and short flights, nothing compiled or drawn in a fresh shell."""
+    """Return the effort of a test: few and short flights, nothing compiled or drawn in a fresh shell."""
     return Effort(
         rounds,
         overrides=("duration_s=1", "failures.0.at_s=0.5"),
@@ -52,7 +52,7 @@ def quick(rounds: int) -> Effort:
 
 
 def main(arguments: list[str]) -> int:
-    """Measure the sections that are asked for, print them as they come, and write them if a file is named."""
+    """Measure the requested sections, print each when it is finished, and write them if a file is named."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--only", nargs="+", choices=SECTIONS, default=list(SECTIONS), metavar="NAME", help=", ".join(SECTIONS)

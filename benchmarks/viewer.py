@@ -1,9 +1,9 @@
-"""What showing a flight costs: size and time of recordings, time until a viewer has drawn one, and live flights.
+"""Cost of the viewer: size and time of recordings, time until a viewer has drawn one, and live flights.
 
     python benchmarks/viewer.py [--rounds N]
 
-The viewer has no window; it needs a Vulkan driver. Rounds with and without a viewer take turns. Latency is from when a tick is due to when
-the viewer's store has it, found by asking it all the time, so the asking itself is in it.
+The viewer has no window; it needs a Vulkan driver. Rounds with and without a viewer take turns. Latency is the time from the due time of a
+tick until the viewer's store has it; the store is polled, and the polling is included.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ while True:
 
 
 class _Clock:
-    """The wall clock, and when it was looked at first: when tick 0 was due."""
+    """The wall clock, and the time of its first reading: the due time of tick 0."""
 
     spin_ns = WallClock().spin_ns
 
@@ -80,7 +80,7 @@ def _record(result: Result, path: Path) -> None:
 
 
 def handing_over() -> None:
-    """Print what a tick costs the loop, above iterating over the samples."""
+    """Print the cost of a tick for the loop, beyond the iteration over the samples."""
     from flightbed.runs.run import fly
 
     samples = list(fly(load_scenario("elevator-loss")))
@@ -95,7 +95,7 @@ def handing_over() -> None:
 
 
 def _busy_ms(result: Result) -> np.ndarray:
-    """Return how long the loop was busy with each tick, what it does for the viewer included."""
+    """Return the busy time of the loop in each tick, the work for the viewer included."""
     trace = result.trace
     return 10.0 - trace["slack_ms"] - trace["release_late_ms"]
 

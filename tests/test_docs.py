@@ -56,7 +56,9 @@ def test_the_campaign_file_of_the_document_loads_and_every_key_is_in_the_table(t
     (tmp_path / "my.toml").write_text(example)
     assert len(load_programme(tmp_path / "my.toml")) == 3 * 5 * 20
     rows = [
-        line.split("|")[1] for line in page.partition("## What a flight is")[0].splitlines() if line.startswith("| `")
+        line.split("|")[1]
+        for line in page.partition("## Definition of a flight")[0].splitlines()
+        if line.startswith("| `")
     ]
     explained = {key for row in rows for key in re.findall(r"`([^`]+)`", row)} - set(data.names("campaign"))
     inner = {"axes": known_keys(CampaignSettings, ("axes",)), "criteria": known_keys(CampaignSettings, ("criteria",))}

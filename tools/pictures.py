@@ -1,4 +1,4 @@
-"""Makes the pictures of the README: a flight and a comparison in the viewer, and the report of the flight in a browser.
+"""Make the pictures of the README: a flight and a comparison in the viewer, and the report of the flight in a browser.
 
     python tools/pictures.py
 

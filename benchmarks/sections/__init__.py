@@ -1,1 +1,1 @@
-"""What speed.py measures, one section a file: ``measure(effort)`` returns its tables."""
+"""Sections of speed.py, one per file: ``measure(effort)`` returns its tables."""

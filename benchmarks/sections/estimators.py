@@ -1,7 +1,7 @@
 """An update of each estimator, and of filterpy's Kalman filter for the same augmented state (alpha, q, K).
 
-All are fed the readings of one flight, from Python, one measurement at a time. The plain filter (all data, the short-period model, no
-tests) is the one that filterpy has too: its estimates are compared as well.
+All get the readings of one flight, from Python, one measurement at a time. The plain filter (all data, the short-period model, no
+tests) also exists in filterpy: the estimates of both are compared.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _APART = 1e-9  # rad, rad/s and of K: more is not rounding
 
 
 class _Theirs:
-    """The same filter out of filterpy's parts."""
+    """The same filter, built from filterpy's parts."""
 
     def __init__(self, onboard: OnBoard) -> None:
         self._design, noise = onboard.design, onboard.noise
@@ -97,7 +97,7 @@ def _made(given: Mapping[str, Any], onboard: OnBoard) -> Estimator:
 
 
 def _update_us(make: Callable[[], Estimator | _Theirs], readings: Sequence[Measurement]) -> float:
-    """Return microseconds of the processor per update over the readings of a flight; the estimator is made before."""
+    """Return microseconds of the processor per update over the readings of a flight; the construction of the estimator is not included."""
     update = make().update
 
     def feed() -> None:
@@ -108,7 +108,7 @@ def _update_us(make: Callable[[], Estimator | _Theirs], readings: Sequence[Measu
 
 
 def _difference(onboard: OnBoard, readings: Sequence[Measurement]) -> float:
-    """Return how far the plain filter and filterpy's come apart over the readings."""
+    """Return the largest difference between the plain filter and filterpy's over the readings."""
     ours, theirs, trim = LoopGain(PLAIN, onboard), _Theirs(onboard), onboard.design.alpha_trim_rad
     apart = 0.0
     for m in readings:

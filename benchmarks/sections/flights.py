@@ -1,7 +1,7 @@
 """Flights per second against workers: ensembles on the linear aircraft and on the F-16, flown and measured as campaigns fly them.
 
-Every worker is given as many flights as the one is, so that none waits for another's last. One worker is this process, as in
-`flightbed.analysis.seeds`; several are fresh processes. They are timed once all of them have flown a flight: what that takes is told apart.
+Every worker gets as many flights as a single worker, so that none waits for another's last. One worker is this process, as in
+`flightbed.analysis.seeds`; several are fresh processes. Timing starts when each has flown a flight; their start-up time is reported apart.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _label(name: str, count: int) -> str:
 
 
 def _fly(scenario: Scenario, count: int, effort: Effort) -> tuple[float, float]:
-    """Fly all; returns flights per second, and how long the workers took to be ready, s."""
+    """Fly all; returns flights per second, and the start-up time of the workers, s."""
     jobs = [Job(scenario, effort.chunk, first_seed=n * effort.chunk) for n in range(count * effort.chunks)]
     began = time.perf_counter()
     with processes(count) as executor:
@@ -78,6 +78,6 @@ def _fly(scenario: Scenario, count: int, effort: Effort) -> tuple[float, float]:
 
 
 def _begin(job: Job, everybody: Barrier) -> None:
-    """Fly once, and wait until every worker has: a worker that waits cannot take another's turn."""
+    """Fly once, and wait until every worker has flown: a waiting worker cannot take the task of another."""
     fly_chunk(job)
     everybody.wait()

@@ -1,8 +1,7 @@
 """The whole loop against bare stepping of the same FDM, at equal plant rate.
 
 Bare stepping is ``FGFDMExec.run()`` alone, called from Python. The loop is what `flightbed run` flies: sensors, estimators, law,
-correction, plant and trace; what is built before the first tick is in neither. Neither waits for anything: time is the
-processor's.
+correction, plant and trace; neither includes construction before the first tick. Times are processor times.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from typing import Any
 
 from measuring import Column, Effort, Table
 
-from flightbed.analysis.result import collected
+from flightbed.analysis.result import fly_trace
 from flightbed.analysis.trace import Trace
 from flightbed.core.timing import differences, interleaved, ratios, seconds
 from flightbed.core.units import DEG
@@ -41,8 +40,8 @@ ESTIMATORS: Mapping[str, Mapping[str, Any]] = {
 
 
 def into_trace(flight: Flight, scenario: Scenario) -> Trace:
-    """Fly a flight that is ready, as ``flightbed run`` does; the one place where the benchmarks do so."""
-    return collected(flight, scenario)
+    """Fly an assembled flight, as ``flightbed run`` does; the only function of the benchmarks that does."""
+    return fly_trace(flight, scenario)
 
 
 def measure(effort: Effort) -> list[Table]:
@@ -83,7 +82,7 @@ def _measure(plant_hz: int, effort: Effort) -> Table:
 
 
 def _with(raw: Mapping[str, Any], estimators: Sequence[Mapping[str, Any]]) -> Scenario:
-    """Return the scenario with these estimators, the first of which adapts; without any the law is told K, and flies the same flight."""
+    """Return the scenario with these estimators, the first of which corrects the law; without any the law gets the true K."""
     how = {"estimator": estimators[0]["name"]} if estimators else {"oracle": True}
     return load_scenario({**raw, "estimators": list(estimators), "adaptation": {**raw["adaptation"], **how}})
 

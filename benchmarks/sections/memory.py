@@ -1,6 +1,6 @@
-"""Resident memory: of a process that flies, of each flight that it holds, and what it grows by over many flights.
+"""Resident memory: of a process that flies, per flight in memory, and its growth over many flights.
 
-Each measurement is a fresh process (resident.py), which looks at itself after a search for garbage.
+Each measurement is a fresh process (resident.py), which measures its own memory after a garbage collection.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ROUNDS = 3  # at most: a round takes a minute, and they hardly differ
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Return the tables of what is held, and of growth."""
+    """Return the tables of memory per flight and of growth."""
     if not Path("/proc/self/statm").exists():
         raise SystemExit("memory: resident memory is read from /proc, which this system has not")
     ways = {

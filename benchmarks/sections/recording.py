@@ -1,6 +1,6 @@
-"""What is made of one flight, and what that costs beside flying it: trace, metrics, the bound, files; and how large they are.
+"""Cost of the products of a flight, beside that of the flight: trace, metrics, the bound, files; and the size of the files.
 
-Files are timed by the wall's clock, because threads of libraries help to write them; the rest by the processor's.
+Files are timed by the wall clock, because threads of libraries help to write them; all else by processor time.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from measuring import Column, Effort, Table
 from flightbed.analysis.cramer_rao import bound, schedule_models
 from flightbed.analysis.metrics import measure as metrics_of
 from flightbed.analysis.result import Result, fly_plan
-from flightbed.core.files import heap_set_aside
+from flightbed.core.files import frozen_heap
 from flightbed.core.timing import differences, interleaved, ratios, seconds
 from flightbed.core.units import DEG
 from flightbed.document.html import render
@@ -95,6 +95,6 @@ def _bound(result: Result) -> None:
 
 
 def _report(result: Result, path: Path) -> None:
-    with heap_set_aside():
+    with frozen_heap():
         page = render(run_report(result))
     path.write_text(page, encoding="utf-8")

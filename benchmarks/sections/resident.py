@@ -1,4 +1,4 @@
-"""What a fresh process says of its own memory: run by memory.py, prints JSON. Imports nothing of the benchmarks.
+"""Memory of a fresh process: run by memory.py, prints JSON. Imports nothing from the benchmarks.
 
 python resident.py held|grown FLIGHTS KEY=VALUE ...
 """
@@ -16,13 +16,13 @@ _MARKS = 10
 
 
 def resident_b() -> int:
-    """Return the resident memory of this process, bytes; after a search for garbage, which is no memory that is needed."""
+    """Return the resident memory of this process, bytes, after a garbage collection."""
     gc.collect()
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def held(flights: int, overrides: list[str]) -> dict[str, float]:
-    """Return memory as things are added: the interpreter, flightbed and a plan, so many measured traces, so many flights put together."""
+    """Return memory step by step: the interpreter, flightbed and a plan, ``flights`` evaluated traces, ``flights`` assembled flights."""
     memory = {"python": resident_b()}
     from flightbed.analysis.result import fly_plan
     from flightbed.flight.assembly import assemble
@@ -47,7 +47,7 @@ def held(flights: int, overrides: list[str]) -> dict[str, float]:
 
 
 def grown(flights: int, overrides: list[str]) -> dict[str, list[int]]:
-    """Return memory after the settling, and after each tenth of so many flights of as many seeds, none of which is kept."""
+    """Return memory after the first flights, and after each tenth of the flights, each with its own seed; none is kept."""
     from dataclasses import replace
 
     from flightbed.analysis.result import fly_plan

@@ -1,7 +1,7 @@
-"""How long commands take from a cold shell: the first after an install, and later ones.
+"""Time of commands from a cold shell: the first after an install, and later ones.
 
 Every command is a fresh process. The first has neither compiled code nor the F-16's tables nor matplotlib's list of fonts: these lie in
-folders of this benchmark, and nothing of the user's is touched. Bytecode of Python is there, as an installer leaves it.
+folders of this benchmark; the user's caches are not touched. Python's bytecode exists, as after an installation.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Shell:
         self._folder, self._environment, self._numbers = folder, plain_shell(environment), count()
 
     def clear(self) -> None:
-        """Go on with empty caches."""
+        """Empty the caches."""
         caches = self._folder / f"caches-{next(self._numbers)}"
         caches.mkdir()
         self._environment |= {"NUMBA_CACHE_DIR": str(caches / "numba"), "XDG_CACHE_HOME": str(caches)}
@@ -62,7 +62,9 @@ def measure(effort: Effort) -> list[Table]:
             taken = shell.python(*whole)
             wanted = {".npz"} if "FLIGHTBED_PLAIN" in effort.environment else {".npz", ".nbi"}
             if not wanted <= shell.cached():
-                raise RuntimeError("the first run left no cache where it was told to: it was not the first")
+                raise RuntimeError(
+                    "the first run left no cache in its cache folder: the measurement was not of a first run"
+                )
             return taken
 
         ways = {

@@ -1,1 +1,1 @@
-"""Aircraft overlays as data: what an overlay edits, and the tables of the stock model."""
+"""Aircraft overlays as data: the edits of a stock model, and their checks. Nothing here loads JSBSim: see ``fdm/`` for that."""

@@ -1,1 +1,1 @@
-"""A flight's trace, metrics, bound, events and summary."""
+"""Evaluation of one flight: trace, metrics, Cramer-Rao bound, events, summary. Figures and pages: ``report/``; folders: ``runs/``."""

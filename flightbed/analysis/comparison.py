@@ -42,9 +42,9 @@ _ESTIMATOR: Mapping[str, Callable[[EstimatorMetrics], float | None]] = {
     "- mean NIS, 1": lambda measured: measured.nis_mean,
 }
 _NOTE = (
-    "RMS is of q - q_ref, or of nz, p and beta less their references, of all runs over the same time, as long as each flew. Of each "
-    "estimator: the errors of K from 0.3 s after the run's failure, how long after it K was first within 20 % and a change was declared, "
-    "and the mean NIS. In brackets the difference from the first run."
+    "RMS of q - q_ref, likewise of nz, p and beta, over the same time for all runs, up to the end of each. Per estimator: errors of K from "
+    "0.3 s after the run's failure, time from the failure to the first K within 20 % and to the first declared change, mean NIS. "
+    "In brackets: difference from the first run."
 )
 
 
@@ -60,7 +60,7 @@ class Run:
         summary: of its metrics.json.
         settings: dotted key of the resolved scenario -> value.
         idle: keys without effect.
-        watched: the estimator in the figures: the one that corrects the law, else the first; None without estimators.
+        estimator: name of the estimator in the figures: the one that corrects the law, else the first; None without estimators.
 
     """
 
@@ -71,7 +71,7 @@ class Run:
     summary: RunSummary
     settings: Mapping[str, Any]
     idle: Collection[str]
-    watched: str | None
+    estimator: str | None
 
     @property
     def failures_s(self) -> tuple[float, ...]:
@@ -86,8 +86,8 @@ class Run:
         return "aileron_deg" in self.trace.columns
 
     def smoothed(self, surface: str) -> Vector | None:
-        """Return the smoothed K of a surface from the watched estimator; None if it does not estimate it."""
-        name = "" if self.watched is None else estimate_name(self.watched, surface)
+        """Return the smoothed K of a surface from the run's ``estimator``; None if it does not estimate it."""
+        name = "" if self.estimator is None else estimate_name(self.estimator, surface)
         return self.trace[f"{name}.effectiveness_smoothed"] if name in self.trace.estimators else None
 
     @property
@@ -109,7 +109,7 @@ def load_runs(folders: Sequence[str | Path]) -> tuple[Run, ...]:
     return tuple(
         Run(
             one.place, label, palette.run(i), read_trace(one.place / "trace.parquet"), one.summary, one.settings, one.idle,
-            one.watched,
+            one.estimator,
         )
         for i, (label, one) in enumerate(zip(labels, read, strict=True))
     )  # fmt: skip
@@ -121,15 +121,15 @@ def short_name(runs: Sequence[Run]) -> str:
     return "-".join(word for word in words if word)[:80].strip("-") or "comparison"
 
 
-class _Read(NamedTuple):
+class _RunData(NamedTuple):
     settings: dict[str, Any]
     summary: RunSummary
     place: Path
     idle: Collection[str]
-    watched: str | None
+    estimator: str | None
 
 
-def _read(place: Path) -> _Read:
+def _read(place: Path) -> _RunData:
     """Return settings and summary of a run; own code that its scenario names is not loaded."""
     for file in ("scenario.toml", "trace.parquet"):
         if not (place / file).is_file():
@@ -154,8 +154,8 @@ def _read(place: Path) -> _Read:
         return f"estimators.{names[int(head)]}.{rest}" if key.startswith("estimators.") else key
 
     idle = {named(key) for key in _idle(scenario) if not key.startswith("estimators.") or names}
-    watched = settings.get("adaptation.estimator") if _adapts(settings) else next(iter(names), None)
-    return _Read({named(key): value for key, value in settings.items()}, summary, place, idle, watched)
+    estimator = settings.get("adaptation.estimator") if _is_adaptive(settings) else next(iter(names), None)
+    return _RunData({named(key): value for key, value in settings.items()}, summary, place, idle, estimator)
 
 
 def _idle(scenario: Mapping[str, Any]) -> Collection[str]:
@@ -187,7 +187,7 @@ def _labels(runs: Sequence[tuple[str, Path]]) -> list[str]:
     return next(labels for labels in candidates if len(set(labels)) == len(labels))
 
 
-def _adapts(settings: Mapping[str, Any]) -> bool:
+def _is_adaptive(settings: Mapping[str, Any]) -> bool:
     return bool(settings.get("adaptation.enabled")) and not settings.get("adaptation.oracle")
 
 
@@ -241,7 +241,7 @@ def tracking(runs: Sequence[Run]) -> dict[str, list[float | None]]:
         at_s = min(reached)
         late_s = at_s + SETTLING_S
         spans = {f" before {at_s:g} s": (0.0, at_s), f" from {late_s:g} s": (late_s, inf)}
-    followed = [one for one in _FOLLOWED if any(_asked(run, f"{one[1]}_ref_{one[2]}") for run in runs)]
+    followed = [one for one in _FOLLOWED if any(_has_reference(run, f"{one[1]}_ref_{one[2]}") for run in runs)]
     return {
         f"RMS{of}{words}, {unit}": [_rms(run, f"{name}_{suffix}", f"{name}_ref_{suffix}", *span) for run in runs]
         for of, name, suffix, unit in followed
@@ -258,7 +258,7 @@ _FOLLOWED = (
 )
 
 
-def _asked(run: Run, reference: str) -> bool:
+def _has_reference(run: Run, reference: str) -> bool:
     return reference in run.trace.columns and bool(np.any(np.isfinite(run.trace[reference])))
 
 
@@ -294,20 +294,20 @@ def to_dict(runs: Sequence[Run]) -> dict[str, Any]:
     return {
         "runs": [{"label": run.label, "folder": str(run.folder.resolve()), **run.summary.to_dict()} for run in runs],
         "tracking": {text: dict(zip(labels, values, strict=True)) for text, values in tracking(runs).items()},
-        "differences": {run.label: _minus(run.summary.to_dict(), runs[0].summary.to_dict()) for run in runs[1:]},
+        "differences": {run.label: _differences(run.summary.to_dict(), runs[0].summary.to_dict()) for run in runs[1:]},
         "settings": {str(row[0]): dict(zip(table.columns[1:], row[1:], strict=True)) for row in table.rows},
     }
 
 
-def _minus(these: Mapping[str, Any], those: Mapping[str, Any]) -> dict[str, Any]:
+def _differences(these: Mapping[str, Any], those: Mapping[str, Any]) -> dict[str, Any]:
     """Return the differences of all measured numbers that both runs have."""
     found: dict[str, Any] = {}
     for key, value in these.items():
         if key == "seed" or key.startswith("tracking_rms_"):
-            continue  # the seed is no measure; tracking may be over different times, see ``tracking``
+            continue  # the seed is not a metric; tracking may cover different times, see ``tracking``
         other = those.get(key)
         if isinstance(value, Mapping) and isinstance(other, Mapping):
-            if inner := _minus(value, other):
+            if inner := _differences(value, other):
                 found[key] = inner
         elif _number(value) and _number(other):
             found[key] = value - other

@@ -17,45 +17,43 @@ from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR
 from flightbed.flight.loop import DEPARTURE_RAD
 from flightbed.scenario.tables import Scenario
 
-_MANY = 10  # spells of late ticks that the event log lists one by one
+_MANY = 10  # most spells of late ticks that the event log lists separately
 
 
 def failures(scenario: Scenario) -> list[str]:
     """Return the failures of a scenario in words."""
-    return [f"at {f.at_s:g} s {_happens(f)}" for f in scenario.failures]
+    return [f"at {f.at_s:g} s {_failure_text(f)}" for f in scenario.failures]
 
 
 def gusts(scenario: Scenario) -> list[str]:
     """Return the gusts of a scenario in words."""
-    return [f"at {g.at_s:g} s {_blows(g)}" for g in scenario.gusts]
+    return [f"at {g.at_s:g} s {_gust_text(g)}" for g in scenario.gusts]
 
 
-def _happens(failure: Failure) -> str:
+def _failure_text(failure: Failure) -> str:
     surface = f"the {failure.surface}"
     match failure.kind:
         case "ramp":
-            return f"{surface} begins to go to {failure.to:.0%} of its effect, over {failure.over_s:g} s"
+            return f"{surface} effectiveness ramps to {failure.to:.0%} over {failure.over_s:g} s"
         case "structural":
-            return f"{surface} keeps {failure.to:.0%} of its moment and {failure.force_to:.0%} of its lift and drag"
+            return f"{surface} moment falls to {failure.to:.0%}, its lift and drag to {failure.force_to:.0%}"
         case "cg-shift":
             where = "aft" if failure.shift_cbar >= 0.0 else "ahead"
-            return f"the c.g. moves to {abs(failure.shift_cbar):.1%} of the chord {where} of where it was at take-off"
+            return f"the c.g. moves to {abs(failure.shift_cbar):.1%} of the chord {where} of its position at take-off"
         case "stuck":
-            return f"{surface} is stuck where it is"
+            return f"{surface} is stuck at its current position"
         case "floating":
-            return f"{surface} comes off its actuator and trails in the stream"
+            return f"{surface} is disconnected from its actuator and floats in the airstream"
         case "hardover":
-            return (
-                f"{surface} runs to its {'highest' if failure.side == 'high' else 'lowest'} stop, whatever is commanded"
-            )
+            return f"{surface} runs to its {'highest' if failure.side == 'high' else 'lowest'} stop, regardless of the command"
         case "rate-limit":
-            return f"{surface} keeps {failure.to:.0%} of its rate limit"
+            return f"{surface} rate limit falls to {failure.to:.0%}"
         case "bias":
-            return f"{surface} is off by {failure.bias_deg:+g} deg, which its position feedback does not show"
-    return f"{surface} keeps {failure.to:.0%} of its effect"
+            return f"{surface} has a bias of {failure.bias_deg:+g} deg that its position feedback does not show"
+    return f"{surface} effectiveness steps to {failure.to:.0%}"
 
 
-def _blows(gust: GustSettings) -> str:
+def _gust_text(gust: GustSettings) -> str:
     if gust.shape == "sine":
         return f"a harmonic gust of {abs(gust.up_fps):g} ft/s begins, at {gust.frequency_hz:g} Hz"
     rising = f"rising for {gust.rise_s:g} s" + (f", held for {gust.hold_s:g} s" if gust.hold_s else "")
@@ -64,11 +62,11 @@ def _blows(gust: GustSettings) -> str:
 
 def planned_events(scenario: Scenario) -> list[tuple[float, str, bool]]:
     """Return (time in s, text, severe) of the scenario's failures and gusts, in order of time."""
-    planned = [(f.at_s, f"FAILURE: {_happens(f)}", True) for f in scenario.failures]
-    return sorted(planned + [(g.at_s, f"gust: {_blows(g)}", False) for g in scenario.gusts])
+    planned = [(f.at_s, f"FAILURE: {_failure_text(f)}", True) for f in scenario.failures]
+    return sorted(planned + [(g.at_s, f"gust: {_gust_text(g)}", False) for g in scenario.gusts])
 
 
-def seen_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int = 0) -> list[tuple[float, str, bool]]:
+def trace_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int = 0) -> list[tuple[float, str, bool]]:
     """Return (time in s, text, severe) of the alarms and the commands at a stop in a trace, from index ``since`` on.
 
     Args:
@@ -81,7 +79,7 @@ def seen_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int =
     for name in trace.estimators:
         alarms = trace[f"{name}.alarms"]
         seen += [
-            (int(i), f"'{name}' {_declares(trace, name, int(i))}")
+            (int(i), f"'{name}' {_verdict_text(trace, name, int(i))}")
             for i in np.flatnonzero(np.diff(alarms, prepend=0.0) > 0.0)
         ]
     for surface, actuator in actuators.items():
@@ -91,13 +89,13 @@ def seen_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int =
     return [(float(trace["t_s"][i]), text, False) for i, text in seen if i >= since]
 
 
-def _declares(trace: Trace, name: str, tick: int) -> str:
+def _verdict_text(trace: Trace, name: str, tick: int) -> str:
     """Return the verdict of an alarm at a tick, in words."""
     if f"{name}.verdict" not in trace.columns:
-        return f"declares a change of K, to {trace[f'{name}.effectiveness'][tick]:.2f}"
+        return f"declares a change of K to {trace[f'{name}.effectiveness'][tick]:.2f}"
     if trace[f"{name}.verdict"][tick] == ACTUATOR:
         return "finds that the elevator does not follow its command"
-    return f"finds what no K explains: {trace[f'{name}.offset_deg'][tick]:+.1f} deg besides the elevator's position"
+    return f"finds a deflection that no K explains: {trace[f'{name}.offset_deg'][tick]:+.1f} deg beside the measured position"
 
 
 def events(
@@ -112,7 +110,7 @@ def events(
 
     """
     happened = [event for event in planned_events(scenario) if event[0] <= trace["t_s"][-1]]
-    happened += seen_events(trace, actuators)
+    happened += trace_events(trace, actuators)
     changed = {name for name in trace.estimators if np.any(trace[true_share(name)] != 1.0)}
     # With three surfaces only the estimates of a changed K have an event of their own.
     listed = set(trace.estimators) if len(actuators) == 1 else changed
@@ -120,22 +118,22 @@ def events(
         since = since_s(trace, name, summary.failed_at_s)
         if since is not None and m.first_within_20pct_s is not None and name in listed:
             happened.append((since + m.first_within_20pct_s, f"K of '{name}' within 20 % of the truth", False))
-    happened += _late(late_spells(trace))
+    happened += _late_events(late_spells(trace))
     if summary.ended == "ground":
         happened.append((summary.flown_s, "HIT THE GROUND", True))
     if summary.metrics.departed:
-        happened.append((summary.ended_s, f"DEPARTED: {why_departed(trace)}", True))
+        happened.append((summary.ended_s, f"DEPARTED: {departure_reason(trace)}", True))
     return sorted(happened)
 
 
-def why_departed(trace: Trace) -> str:
+def departure_reason(trace: Trace) -> str:
     """Return the criterion that a departed flight violated, in words."""
     if "beta_deg" in trace.columns and not abs(trace["beta_deg"][-1]) * DEG <= DEPARTURE_RAD:
         return f"sideslip more than {DEPARTURE_RAD / DEG:g} deg"
     return f"alpha more than {DEPARTURE_RAD / DEG:g} deg from trim"
 
 
-def _late(spells: list[Spell]) -> list[tuple[float, str, bool]]:
+def _late_events(spells: list[Spell]) -> list[tuple[float, str, bool]]:
     """Return the late ticks as events: one per spell, or, for many spells, a single one at the worst."""
     if len(spells) <= _MANY:
         return [

@@ -1,4 +1,4 @@
-"""How well a paced flight kept its times."""
+"""Real-time performance of a paced flight: late ticks, jitter, computing time."""
 
 from __future__ import annotations
 

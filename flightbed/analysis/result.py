@@ -1,6 +1,6 @@
 """Flight of a plan -> Result: the trace with its Cramer-Rao bound and margins, the metrics, and the summary of metrics.json.
 
-Nothing here writes a folder, draws, or knows a viewer: samples can be watched through a function that is handed in.
+Nothing here writes a folder, draws, or imports a viewer; a function given as ``watch`` sees the samples in flight.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from flightbed.analysis.summary import (
     TrimSummary,
 )
 from flightbed.analysis.trace import Trace, collect, from_rows
-from flightbed.config.tracebacks import watched
+from flightbed.config.tracebacks import error_context
 from flightbed.control.stability_margins import lateral_margin
 from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import Sample
@@ -42,7 +42,7 @@ from flightbed.flight.loop import fly as fly_loop
 from flightbed.flight.pacing import Clock, paced
 from flightbed.flight.plan import Plan, plan
 from flightbed.models.linear_aircraft import LinearAircraft
-from flightbed.scenario.own_code import named_by
+from flightbed.scenario.own_code import named_extensions
 from flightbed.scenario.tables import Scenario
 
 Watch = Callable[[Iterator[Sample]], Iterator[Sample]]  # yields the samples unchanged
@@ -83,31 +83,31 @@ def fly_scenario(
             the samples.
 
     Raises:
-        InputError, NotComputableError: as the parts raise them.
+        InputError, NotComputableError: from the plan or the flight.
 
     """
     planned = plan(scenario)
     flight = assemble(planned)
-    watched_by = None if watch is None else watch(planned, predicted_readings(flight, scenario))
+    watcher = None if watch is None else watch(planned, predicted_readings(flight, scenario))
     ready()
     margins = margins_of(planned, flight)
     began = time.perf_counter()
-    trace = collected(flight, scenario, pace, watched_by)
+    trace = fly_trace(flight, scenario, pace, watcher)
     wall_s = time.perf_counter() - began
-    trace, metrics = measured(planned, flight, trace)
+    trace, metrics = evaluate(planned, flight, trace)
     return Result(planned, trace, metrics, summarize(planned, trace, metrics, margins, wall_s))
 
 
 def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:
     """Fly a plan once; returns the trace and its metrics."""
     flight = assemble(plan)
-    return measured(plan, flight, collected(flight, plan.scenario))
+    return evaluate(plan, flight, fly_trace(flight, plan.scenario))
 
 
-def collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, watch: Watch | None = None) -> Trace:
-    """Fly and keep every sample.
+def fly_trace(flight: Flight, scenario: Scenario, pace: Clock | None = None, watch: Watch | None = None) -> Trace:
+    """Fly; return the trace of all samples.
 
-    Without clock and watcher, and with parts of flightbed alone, the flight computer is compiled: the samples are the same bit for bit.
+    Without clock, watcher and external code the flight computer is compiled; the samples are equal bit for bit.
 
     Args:
         flight: assembled, at its start.
@@ -117,7 +117,7 @@ def collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, wat
 
     """
     control_hz, names, timings = scenario.rates.control_hz, names_of(scenario, flight.estimators), array("q")
-    if pace is None and watch is None and not named_by(scenario):
+    if pace is None and watch is None and not named_extensions(scenario):
         rows = rows_of(flight)
         if rows is not None:
             return from_rows(rows, estimators=names, control_hz=control_hz)
@@ -126,12 +126,12 @@ def collected(flight: Flight, scenario: Scenario, pace: Clock | None = None, wat
         samples = paced(samples, control_hz=control_hz, clock=pace, record=timings.extend)
     if watch is not None:
         samples = watch(samples)
-    with watched(control_hz):
+    with error_context(control_hz):
         trace = collect(samples, estimators=names, control_hz=control_hz)
     return trace if pace is None else with_timings(trace, timings)
 
 
-def measured(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]:
+def evaluate(plan: Plan, flight: Flight, trace: Trace) -> tuple[Trace, Metrics]:
     """Return the trace with bound, margins and excitation, and its metrics. Raises ExtensionError for a health that is not finite."""
     health = {c: trace[c] for c in ("effectiveness_true", "elevator_force_true", "cg_shift_cbar")}
     bad = ~np.all(np.isfinite(np.column_stack(list(health.values()))), axis=1)
@@ -218,7 +218,7 @@ def summarize(plan: Plan, trace: Trace, metrics: Metrics, margins: MarginSummary
 
     Args:
         plan: aircraft, trim and design.
-        trace, metrics: as ``measured`` returns them.
+        trace, metrics: as ``evaluate`` returns them.
         margins: as ``margins_of`` returns them before the flight.
         wall_s: time that the flight took, s.
 
@@ -253,7 +253,7 @@ def summarize(plan: Plan, trace: Trace, metrics: Metrics, margins: MarginSummary
             tuple(map(tuple, design.A.tolist())), tuple(design.b.tolist()), tuple(design.poles.tolist())
         ),
         gains=plan.gains,
-        extensions=tuple(ExtensionSummary(own.name, own.sha256) for own in named_by(scenario)),
+        extensions=tuple(ExtensionSummary(own.name, own.sha256) for own in named_extensions(scenario)),
         aircraft_sha256=plan.aircraft.sha256,
         wall_time_s=wall_s,
         real_time_factor=flown_s / wall_s,

@@ -16,12 +16,12 @@ import numpy.typing as npt
 
 from flightbed.analysis.metrics import Metrics
 from flightbed.analysis.result import fly_plan
-from flightbed.config.own_code import Extension, Packed, carried
+from flightbed.config.own_code import Extension, Packed, permit_packed
 from flightbed.core.errors import InputError
 from flightbed.flight.plan import Plan, plan
 from flightbed.parallel.executor import CHUNK, DEATHS, Opener, Work, results
 from flightbed.parallel.processes import local_processes
-from flightbed.scenario.own_code import named_by
+from flightbed.scenario.own_code import named_extensions
 from flightbed.scenario.reading import Scenario
 from flightbed.statistics.moments import Moments, total
 
@@ -102,7 +102,7 @@ def fly_jobs(
         InputError: a flight ends its worker process every time; and as ``executor.results``. Errors of a flight propagate.
 
     """
-    jobs = [replace(job, extensions=job.extensions or named_by(job.scenario)) for job in jobs]
+    jobs = [replace(job, extensions=job.extensions or named_extensions(job.scenario)) for job in jobs]
     return run_jobs(jobs, fly_chunk, executor=executor, progress=progress, label=partial(_label, jobs))
 
 
@@ -165,7 +165,7 @@ def _run(run: Callable[[J], list[R]], task: tuple[int, J]) -> list[R]:
 
 def fly_chunk(job: Job) -> list[Flown]:
     """Plan once, then fly every seed."""
-    with carried(job.extensions):
+    with permit_packed(job.extensions):
         planned = plan(job.scenario)
         return [_fly_one(planned, seed, job.columns) for seed in range(job.first_seed, job.first_seed + job.runs)]
 

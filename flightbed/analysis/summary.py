@@ -1,6 +1,6 @@
 """RunSummary: the numbers of one flight, as ``metrics.json`` stores them.
 
-Reports, run card, event log, terminal, viewer and comparison read its attributes; only ``to_dict`` and ``from_dict`` name the file's keys.
+Reports, text summary, events, terminal, viewer and comparison read its attributes; only ``to_dict`` and ``from_dict`` name the file's keys.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class RunSummary:
         seed: of the scenario.
         metrics: tracking and estimation; its keys stand at the top level of the file.
         snr_db: signal to noise ratio before the failure, Sillence eq (82), dB; None without a signal.
-        ended: by a departure, at the ground, or when the time was over.
+        ended: end of the flight: departure, ground, or the duration of the scenario.
         failed_at_s: time of the first failure of any kind that the flight reached, s; None without one.
         flown_s: duration of the flight, s.
         elevator_at_stop_share: share of the ticks with the command cut at a stop; None in files written before it was stored.
@@ -129,7 +129,7 @@ class RunSummary:
         aircraft_sha256: fingerprint of the aircraft.
         wall_time_s: time that the flight took, s.
         real_time_factor: flown_s over wall_time_s.
-        realtime: how well the flight kept pace; None for one that was not paced.
+        realtime: real-time performance; None for a flight that was not paced.
         versions: package -> version.
         margins: stability margins before the flight.
         others: keys of a file that this version does not know, with their values.
@@ -197,7 +197,7 @@ class RunSummary:
         """Return the summary that a metrics.json holds, of this or an earlier version of flightbed.
 
         Args:
-            values: the content of the file. Keys that came later than version 0.1 may be missing: their fields have the default.
+            values: the content of the file. Keys added after version 0.1 may be missing: their fields have the default.
 
         Raises:
             ValueError: a key that every version stores is missing, or has another form.

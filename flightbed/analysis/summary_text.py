@@ -1,4 +1,4 @@
-"""Run card of a flight: settings, failures and outcome as text."""
+"""Text summary of a flight: settings, failures and outcome."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.tables import Scenario
 
 
-def run_card(scenario: Scenario, summary: RunSummary) -> str:
-    """Return the run card of a flight, Markdown."""
+def run_text(scenario: Scenario, summary: RunSummary) -> str:
+    """Return the text summary of a flight, Markdown."""
     trim, condition = summary.trim, scenario.condition
-    pace = f"- real time: {kept_pace(summary.realtime, summary.flown_s)}\n" if summary.realtime else ""
+    pace = f"- real time: {pace_text(summary.realtime, summary.flown_s)}\n" if summary.realtime else ""
     estimators = "".join(
         f"| {name} | {_show(m.median_abs_error_post, '.3f')} | {_show(m.rms_error_smoothed_post, '.3f')} "
         f"| {_show(m.first_within_20pct_s, '.2f')} | {_show(m.nis_mean, '.2f')} | {_show(m.nis_expected, 'g')} |\n"
@@ -35,7 +35,7 @@ def run_card(scenario: Scenario, summary: RunSummary) -> str:
         f"- trim: alpha {trim.alpha_deg:.3f} deg, elevator {trim.elevator_deg:.3f} deg\n"
         f"- law: {scenario.control.law}; {correction(scenario)}\n"
         f"- tracking RMS: {tracking_words(scenario, summary)}\n{pace}"
-        f"{_happening(scenario)}{own_line}\n"
+        f"{_failure_lines(scenario)}{own_line}\n"
         f"{table if estimators else ''}"
         f"flightbed {summary.versions['flightbed']}, JSBSim {summary.versions['jsbsim']}\n"
     )
@@ -66,26 +66,26 @@ def tracking_words(scenario: Scenario, summary: RunSummary) -> str:
     return "; ".join(texts)
 
 
-def _happening(scenario: Scenario) -> str:
-    """Return the lines of a card on failures and air."""
+def _failure_lines(scenario: Scenario) -> str:
+    """Return the lines of the summary on failures and air."""
     return (
         f"- failures: {'; '.join(failures(scenario)) or 'none'}\n"
         f"- air: turbulence {scenario.atmosphere.turbulence}; gusts {'; '.join(gusts(scenario)) or 'none'}\n"
     )
 
 
-def plan_card(scenario: Scenario) -> str:
-    """Return the card of a flight before take-off, Markdown."""
+def plan_text(scenario: Scenario) -> str:
+    """Return the text summary of a flight before take-off, Markdown."""
     condition = scenario.condition
     return (
         f"# {scenario.name}\n\n{scenario.description}\n\n"
         f"**{scenario.aircraft.model}**, Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft, seed {scenario.seed}: in flight\n\n"
         f"- law: {scenario.control.law}; {correction(scenario)}\n"
-        f"{_happening(scenario)}"
+        f"{_failure_lines(scenario)}"
     )
 
 
-def flown(scenario: Scenario, aircraft: str) -> list[tuple[str, str]]:
+def settings_rows(scenario: Scenario, aircraft: str) -> list[tuple[str, str]]:
     """Return the settings of a flight as (name, words): aircraft, condition, command, law, sensors, air, failures, seed.
 
     Args:
@@ -107,7 +107,7 @@ def flown(scenario: Scenario, aircraft: str) -> list[tuple[str, str]]:
         ("aircraft", aircraft + (f", c.g. {shift:+.1%} of the chord, aft positive" if shift else "")),
         ("condition", f"Mach {condition.mach:g}, {condition.altitude_ft:,.0f} ft{climb}"),
         ("command", command(scenario)),
-        *(_turning(scenario) if scenario.lateral.enabled else ()),
+        *(_lateral_rows(scenario) if scenario.lateral.enabled else ()),
         ("law", f"{scenario.control.law}, {correction(scenario)}"),
         ("rates", f"control {rates.control_hz} Hz, plant {rates.plant_hz} Hz{late}"),
         ("sensors", "; ".join([
@@ -127,7 +127,7 @@ def flown(scenario: Scenario, aircraft: str) -> list[tuple[str, str]]:
     return rows
 
 
-def _turning(scenario: Scenario) -> list[tuple[str, str]]:
+def _lateral_rows(scenario: Scenario) -> list[tuple[str, str]]:
     """Return commands and regulator of roll and yaw as (name, words)."""
     lateral = scenario.lateral
     weights = ", ".join(
@@ -143,12 +143,12 @@ def _turning(scenario: Scenario) -> list[tuple[str, str]]:
     return [
         ("roll-rate command", command(scenario, "lateral.roll")),
         ("sideslip command", command(scenario, "lateral.sideslip")),
-        ("roll and yaw", f"LQ regulator; as bad as each other are {weights}"),
+        ("roll and yaw", f"LQ regulator; equal cost of {weights}"),
     ]
 
 
 def command(scenario: Scenario, place: str = "command") -> str:
-    """Return a command in words: its kind and every key that it uses; of code outside flightbed every key that is set.
+    """Return a command in words: its kind and every key that it uses; for external code every key that is set.
 
     Args:
         scenario: the settings.
@@ -195,7 +195,7 @@ def outcome(summary: RunSummary) -> str:
     return f"flown to {summary.flown_s:g} s"
 
 
-def kept_pace(kept: Punctuality, flown_s: float) -> str:
+def pace_text(kept: Punctuality, flown_s: float) -> str:
     """Return the timing of a paced flight of ``flown_s`` in words."""
     worst, jitter, compute = kept.worst_overrun_ms, kept.jitter_ms, kept.compute_ms
     late = "" if worst is None else f" ({kept.late_share:.2%}), worst by {milliseconds(worst)} ms"

@@ -1,1 +1,1 @@
-"""Many flights over a grid or drawn at random: plan, workers, journal, table and summary."""
+"""Many flights over a grid or drawn at random: plan, workers, journal, table, summary and report. One flight and its folder: ``runs/``."""

@@ -10,7 +10,7 @@ from flightbed.aircraft.overlay import load_path
 from flightbed.campaigns.plan import Programme, Values, grid, with_values
 from flightbed.campaigns.settings import CampaignSettings
 from flightbed.campaigns.table import metric_columns
-from flightbed.config.reading import frozen, problems, read_toml, shown
+from flightbed.config.reading import display_path, read_toml, validation_lines, with_tuples
 from flightbed.config.table import ValidationError
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, did_you_mean
@@ -18,8 +18,8 @@ from flightbed.flight.plan import plan
 from flightbed.models.linear_aircraft import load_flyable
 from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.estimates import estimates
-from flightbed.scenario.own_code import named_by
-from flightbed.scenario.reading import build, changed, validated
+from flightbed.scenario.own_code import named_extensions
+from flightbed.scenario.reading import apply_overrides, build, validate
 from flightbed.scenario.tables import Scenario
 
 RUNS = 100  # default, of a plain scenario
@@ -45,18 +45,18 @@ def load_programme(source: str | Path, overrides: Sequence[str] = (), runs: int 
     path = data.find_flights(str(source))
     raw = read_toml(path)
     if "base" not in raw and "axes" not in raw:
-        return plain(build(raw, shown(path), overrides), RUNS if runs is None else runs)
-    place = shown(path)
+        return plain(build(raw, display_path(path), overrides), RUNS if runs is None else runs)
+    place = display_path(path)
     if runs is not None:
         raw["runs"] = _at_least_one(runs)
     try:
-        settings = CampaignSettings.model_validate(frozen(raw))
+        settings = CampaignSettings.model_validate(with_tuples(raw))
     except ValidationError as error:
-        raise ScenarioError(problems(error, place, model=CampaignSettings)) from None
+        raise ScenarioError(validation_lines(error, place, model=CampaignSettings)) from None
     base = path.parent / Path(settings.base).expanduser()
     if not base.is_file():
         base = data.find("scenario", settings.base)
-    base_raw, scenario = changed(read_toml(base), shown(base), overrides)
+    base_raw, scenario = apply_overrides(read_toml(base), display_path(base), overrides)
     return _programme(settings, base_raw, scenario, place, [text.partition("=")[0] for text in overrides])
 
 
@@ -73,7 +73,7 @@ def plain(scenario: Scenario, runs: int) -> Programme:
     scenario = plan(scenario).scenario  # complete; errors appear before workers start
     raw = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
     return Programme(
-        scenario, raw, runs, extensions=named_by(scenario), aircraft=(scenario.aircraft.sha256,)
+        scenario, raw, runs, extensions=named_extensions(scenario), aircraft=(scenario.aircraft.sha256,)
     )  # fmt: skip
 
 
@@ -105,8 +105,8 @@ def _programme(
     found += _point_problems(settings, raw, points, place, estimates(scenario))
     if found:
         raise ScenarioError(found)
-    complete = validated(raw, place, {})
-    return Programme(complete, raw, settings.runs, points, settings, named_by(complete), fingerprints)
+    complete = validate(raw, place, {})
+    return Programme(complete, raw, settings.runs, points, settings, named_extensions(complete), fingerprints)
 
 
 def _bound(
@@ -126,7 +126,7 @@ def _axis_problems(settings: CampaignSettings, place: str, overridden: Sequence[
         last = axis.key.rpartition(".")[2]
         if axis.key in _FIXED or (axis.key.startswith("estimators.") and last == "name"):
             found.append(
-                f"{place}: axes.{i}.key: '{axis.key}' cannot be varied; name a single number or word of a flight"
+                f"{place}: axes.{i}.key: '{axis.key}' cannot be varied; name the key of a single number or text"
             )
         found += [
             f"--set {key}: is varied by the campaign, see axes.{i} in {place}"
@@ -168,7 +168,7 @@ def _point_problems(
         try:
             for key, value in values.items():
                 with_values(raw, {key: value}, origins[key])
-            scenario = validated(with_values(raw, values, place), place, origins)
+            scenario = validate(with_values(raw, values, place), place, origins)
         except ScenarioError as error:
             found.update(dict.fromkeys(error.problems))
             continue

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flightbed.campaigns.plan import Programme
-from flightbed.core.files import put_whole
+from flightbed.core.files import replace_file
 from flightbed.parallel.executor import CHUNK
 from flightbed.statistics.histories import Arrays, Ensemble, Part, add_all
 from flightbed.statistics.moments import Moments, within
@@ -48,7 +48,9 @@ class Histories:
 
     def has(self, number: int) -> bool:
         """Return whether a chunk has been added, or has no histories to add."""
-        return number < self.number or number in self._early or not self._points(number) & self._programme.remembered
+        return (
+            number < self.number or number in self._early or not self._points(number) & self._programme.history_points
+        )
 
     def add(self, number: int, parts: Parts) -> None:
         """Add the contributions of a chunk to its points. Raises OSError."""
@@ -124,7 +126,7 @@ def _save(path: Path, arrays: Arrays) -> None:
         with scratch.open("wb") as file:
             np.savez(file, **dict(arrays))  # type: ignore[arg-type]  # its stub takes a name for its own option
 
-    put_whole(path, write)
+    replace_file(path, write)
 
 
 def _load(path: Path) -> dict[str, npt.NDArray[Any]]:

@@ -21,7 +21,7 @@ from flightbed.campaigns.plan import Programme
 from flightbed.campaigns.table import Row
 from flightbed.campaigns.worker import ChunkResult
 from flightbed.core.errors import InputError, OutputError
-from flightbed.core.files import FolderKind, check_target, first_free, numbered, put_whole
+from flightbed.core.files import FolderKind, check_target, first_free, numbered_paths, replace_file
 from flightbed.parallel.executor import CHUNK
 
 CAMPAIGN = FolderKind(
@@ -59,7 +59,7 @@ class Journal:
         self.target = target
         self._programme = programme
         self._folder = target / UNFINISHED
-        self._rows: IO[bytes] = _locked(self._folder / "rows.jsonl")
+        self._rows: IO[bytes] = _open_locked(self._folder / "rows.jsonl")
         indices = {row["index"] for row in self._stored()}
         self._rows.truncate(self._whole_bytes)
         self._rows.seek(0, os.SEEK_END)
@@ -198,14 +198,14 @@ def _start(target: Path, programme: Programme, *, replace: bool) -> Path:
         target = first_free(target, Path.mkdir)
     known = {"campaign": programme.fingerprint, "name": programme.name, "flights": len(programme)}
     (target / UNFINISHED).mkdir(exist_ok=True)
-    put_whole(target / UNFINISHED / "campaign.json", lambda path: _write(path, json.dumps(known, indent=2) + "\n"))
+    replace_file(target / UNFINISHED / "campaign.json", lambda path: _write(path, json.dumps(known, indent=2) + "\n"))
     return target
 
 
 def _own_folder(out: Path, programme: Programme) -> Path:
     """Return the one of OUT, OUT-2, ... with this campaign, preferably unfinished; otherwise the first that does not exist."""
     finished = None
-    for place in numbered(out):
+    for place in numbered_paths(out):
         if not place.exists():
             return finished or place
         state = _state(place)
@@ -235,7 +235,7 @@ def _difference(state: dict[str, Any], programme: Programme) -> str:
     return f"campaign '{name}' ({flights} flights), not this campaign '{programme.name}' ({len(programme)} flights)"
 
 
-def _locked(path: Path) -> IO[bytes]:
+def _open_locked(path: Path) -> IO[bytes]:
     """Open the rows for reading and writing, and lock them for this process. Raises OutputError."""
     file = path.open("a+b")
     try:

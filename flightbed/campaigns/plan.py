@@ -17,16 +17,16 @@ from typing import Any
 import numpy as np
 
 from flightbed.campaigns.settings import AxisSettings, CampaignSettings
-from flightbed.config.overrides import replaced, setting
+from flightbed.config.overrides import replace_at, setting
 from flightbed.config.own_code import Extension
 from flightbed.core.versions import versions
 from flightbed.scenario.checks import unused_keys
-from flightbed.scenario.reading import validated
+from flightbed.scenario.reading import validate
 from flightbed.scenario.tables import Scenario
 
 Values = Mapping[str, Any]  # key of the scenario -> value
 
-MOST_REMEMBERED = 100  # up to so many points, all keep histories, about 0.6 MB each
+MOST_REMEMBERED = 100  # most points that all keep histories, about 0.6 MB each
 SHOWN = 12  # most points with histories in the report
 _SEED_BITS = 53  # every reader of JSON represents such a seed exactly
 
@@ -117,18 +117,18 @@ class Programme:
         return self.scenario.seed if self.settings is None else self.settings.seed
 
     @cached_property
-    def remembered(self) -> frozenset[int]:
+    def history_points(self) -> frozenset[int]:
         """Points that keep histories: the chosen ones, else all, or ``SHOWN`` of them if there are more than ``MOST_REMEMBERED``."""
         count = len(self.points)
         if self.settings is None or (self.settings.histories.keep == "auto" and count <= MOST_REMEMBERED):
             return frozenset(range(count))
         if self.settings.histories.keep == "auto":
-            return frozenset(few(self.settings, range(count), SHOWN))
+            return frozenset(select_points(self.settings, range(count), SHOWN))
         return frozenset(self.settings.histories.points)
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of everything that decides the table: scenario, axes, criteria, runs, seed, aircraft, versions, own code."""
+        """SHA-256 of everything that determines the table: scenario, axes, criteria, runs, seed, aircraft, versions, own code."""
         return _sha256(
             {
                 "scenario": self.raw,
@@ -144,18 +144,18 @@ class Programme:
 def scenario_of(raw: Mapping[str, Any], flight: Flight) -> Scenario:
     """Return the scenario of a flight. Raises ScenarioError."""
     values, place = {**flight.values, "seed": flight.seed}, f"flight {flight.index}"
-    return validated(with_values(raw, values, place), place, {})
+    return validate(with_values(raw, values, place), place, {})
 
 
 def with_values(raw: Mapping[str, Any], values: Values, place: str) -> Mapping[str, Any]:
     """Return nested values with some replaced. Raises ScenarioError, with the place, for a key without a parent."""
     for key, value in values.items():
-        raw = replaced(raw, key.split("."), value, f"{place}: {key}")
+        raw = replace_at(raw, key.split("."), value, f"{place}: {key}")
     return raw
 
 
 def flight_hash(scenario: Scenario, extensions: Sequence[Extension]) -> str:
-    """Return the SHA-256 of everything that decides a flight: complete scenario with aircraft and seed, versions, own code.
+    """Return the SHA-256 of everything that determines a flight: complete scenario with aircraft and seed, versions, own code.
 
     Name, description and the path of the aircraft are left out; the aircraft's fingerprint is part of the scenario.
     """
@@ -180,7 +180,7 @@ def grid(settings: CampaignSettings) -> list[Values]:
     return [dict(zip(axes, values, strict=True)) for values in combined]
 
 
-def few(settings: CampaignSettings | None, points: Sequence[int], most: int) -> list[int]:
+def select_points(settings: CampaignSettings | None, points: Sequence[int], most: int) -> list[int]:
     """Return at most ``most`` of some points: of a complete crossed grid a coarser grid with its corners, else evenly spaced points."""
     axes = [] if settings is None else [len(values_of(axis)) for axis in settings.axes if not axis.is_drawn]
     crossed = settings is not None and settings.combine == "crossed"

@@ -1,4 +1,4 @@
-"""Campaign: the value of a flown programme: rows of its table, histories, the worst flight, and the summary of them."""
+"""Campaign: the result of a programme: table rows, histories, the worst flight, and the summary."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Campaign:
         rows: one per flight, in order of their indices: column -> value, None where the flight has none.
         histories: point -> histories of the columns ``worker.HISTORIES`` and ``<name>.effectiveness_smoothed``; of the points
             that keep them, and in which some flight did not raise.
-        worst: the worst flight, flown once more, complete; None where every flight raised.
+        worst: the worst flight, flown again with its complete trace; None where every flight raised.
         worst_index: its index.
         reason: why it is the worst, in words.
         wall_time_s: duration, s, after the last ``--resume``.
@@ -93,7 +93,7 @@ def worst_of(rows: Sequence[Row]) -> tuple[int, str]:
     worst = max(flown, key=_tracking)
     column, what, unit, after = followed([worst])
     if worst[column] is None:
-        return int(worst["index"] or 0), "the first: all flew to the end, and none is asked for anything"
+        return int(worst["index"] or 0), "the first flight: all flew to the end, and there is no command to follow"
     when = "from 0.3 s after the failure" if after else "over the whole flight"
     return int(worst["index"] or 0), f"largest RMS of {what} {when}, {_tracking(worst):.3g} {unit}"
 

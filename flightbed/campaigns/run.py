@@ -15,7 +15,15 @@ from flightbed.campaigns.journal import Journal, journal
 from flightbed.campaigns.plan import Programme, scenario_of
 from flightbed.campaigns.result import Campaign, worst_of
 from flightbed.campaigns.table import Row, passes
-from flightbed.campaigns.worker import Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
+from flightbed.campaigns.worker import (
+    Chunk,
+    ChunkResult,
+    chunk_of,
+    fly_chunk,
+    join_flights,
+    killed_result,
+    single_flights,
+)
 from flightbed.core.errors import FlightbedError, InputError
 from flightbed.parallel.executor import CHUNK, Opener, Work, opener, results
 from flightbed.scenario.tables import Scenario
@@ -54,8 +62,8 @@ def run(
         The campaign, None if ``resume`` found it finished, and its folder.
 
     Raises:
-        As ``fly``; OutputError if the folder cannot be written; InputError if it holds another campaign; KeyboardInterrupt, with the way
-        to continue, after it has written the table of the finished flights.
+        As ``fly``; OutputError if the folder cannot be written; InputError if it holds another campaign; KeyboardInterrupt, with the
+        command that continues, after it has written the table of the finished flights.
 
     """
     from flightbed.campaigns.folder import finish
@@ -65,7 +73,7 @@ def run(
     with journal(Path(out), programme, replace=replace, resume=resume) as book:
         if isinstance(book, Path):
             return None, book
-        with _kept(book, programme):
+        with _store_on_interrupt(book, programme):
             if progress is not None:
                 progress(book.done, len(programme))
             for number, result in _chunk_results(programme, book.missing, executor):
@@ -90,7 +98,7 @@ def fly(
         flights: a programme or a scenario.
         runs: flights of a scenario.
         executor: an executor (``processes.local_processes``), or a function that opens one (``executor.opener``); None flies in this
-            process, where a flight that ends the process ends everything. The flights do not depend on it.
+            process, which a crash of a flight ends. The flights do not depend on it.
         progress: called with the numbers of finished flights and of all flights, whenever some finish.
 
     Raises:
@@ -117,15 +125,15 @@ def _chunk_results(
     """Yield the number and the result of each chunk, in the order in which they finish."""
     if not chunks:
         return
-    work: Work[Chunk, ChunkResult] = Work(fly_chunk, single_flights, joined, killed)
+    work: Work[Chunk, ChunkResult] = Work(fly_chunk, single_flights, join_flights, killed_result)
     with closing(results((chunk_of(programme, n) for n in chunks), work, executor)) as finished:
         for chunk, result in finished:
             yield chunk.number, result
 
 
 @contextmanager
-def _kept(book: Journal, programme: Programme) -> Iterator[None]:
-    """If the flights end early, write the table of the finished ones, and add to the error how to continue."""
+def _store_on_interrupt(book: Journal, programme: Programme) -> Iterator[None]:
+    """After an early end, write the table of the finished flights, and add the command that continues to the error."""
     from flightbed.campaigns.folder import put_table
 
     try:
@@ -137,7 +145,7 @@ def _kept(book: Journal, programme: Programme) -> Iterator[None]:
         table, how = "", f"continue with the same command and --out {book.target} --resume"
         if isinstance(stop, FlightbedError):
             raise InputError(f"{stop}; {book.done} of {len(programme)} flights are stored; {how}") from stop
-        if rows := _judged(programme, book.rows()):
+        if rows := _with_passed(programme, book.rows()):
             with suppress(FlightbedError):
                 put_table(rows, programme, book)
                 table = f" (table: {book.target / 'table.parquet'})"
@@ -146,8 +154,8 @@ def _kept(book: Journal, programme: Programme) -> Iterator[None]:
         raise KeyboardInterrupt(f"interrupted after {book.done} of {len(programme)} flights{table}; {how}") from None
 
 
-def _judged(programme: Programme, rows: list[Row]) -> list[Row]:
-    """Fill in the column ``passed``, in place because there may be many rows."""
+def _with_passed(programme: Programme, rows: list[Row]) -> list[Row]:
+    """Return the rows with the column ``passed``; replaces them in the list, because there may be many."""
     criteria = () if programme.settings is None else programme.settings.criteria
     for i, row in enumerate(rows):
         rows[i] = {**row, "passed": passes(row, criteria)}
@@ -155,7 +163,7 @@ def _judged(programme: Programme, rows: list[Row]) -> list[Row]:
 
 
 def _campaign(programme: Programme, rows: list[Row], histories: Histories, began: float) -> Campaign:
-    rows = _judged(programme, rows)
+    rows = _with_passed(programme, rows)
     index, reason = worst_of(rows)
     worst = None if index < 0 else fly_scenario(scenario_of(programme.raw, programme.flight(index)))
     return Campaign(programme, rows, histories.ensembles, worst, index, reason, time.perf_counter() - began)

@@ -101,7 +101,7 @@ class Traces(Settings):
     @model_validator(mode="after")
     def _chosen(self) -> Traces:
         if (self.keep == "chosen") != bool(self.indices):
-            raise _problem("indices go with keep = 'chosen', which needs them")
+            raise _problem("indices and keep = 'chosen' need each other; give both or neither")
         return self
 
 
@@ -114,7 +114,7 @@ class Histories(Settings):
     @model_validator(mode="after")
     def _chosen(self) -> Histories:
         if (self.keep == "chosen") != bool(self.points):
-            raise _problem("points go with keep = 'chosen', which needs them")
+            raise _problem("points and keep = 'chosen' need each other; give both or neither")
         return self
 
 

@@ -1,6 +1,6 @@
 """CampaignSummary: the statistics of a campaign and of its points, computed once from the rows of its table.
 
-``summary.json``, the report, its headline and the terminal show this value; ``to_dict`` alone knows the keys of the file.
+``summary.json``, the report, its headline and the terminal show this value; only ``to_dict`` names the keys of the file.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from flightbed.analysis.summary_text import FOLLOWED
 from flightbed.campaigns.plan import Programme, Values
 from flightbed.campaigns.settings import Criterion
 from flightbed.campaigns.table import Followed, Quantity, Row, departed, followed, passed, quantities, quantity
-from flightbed.config.own_code import permits
+from flightbed.config.own_code import use_options
 from flightbed.core.versions import versions
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.statistics.bootstrap import RESAMPLES
@@ -50,11 +50,11 @@ class QuantitySummary:
 
     Attributes:
         column: its name in the table.
-        flights: number of flights with a value; a value that was never reached counts.
-        never: number of flights that never reached it.
-        median: with its exact distribution-free 95 % interval; never counts as infinite.
-        mean: with its 95 % interval by resampling; None where some flight never reached it.
-        p5, p95: percentiles over the flights that reached it, with exact distribution-free 95 % intervals.
+        flights: number of flights with a value; an event that did not occur counts as one.
+        never: number of flights without the event.
+        median: with its exact distribution-free 95 % interval; an event that did not occur counts as infinite.
+        mean: with its 95 % interval by resampling; None where the event did not occur in some flight.
+        p5, p95: percentiles over the flights with the event, with exact distribution-free 95 % intervals.
 
     """
 
@@ -89,7 +89,7 @@ class FlightsSummary:
 
     Attributes:
         flights: number of flights.
-        errors: number of flights that raised an error; they are in no other number but ``passed``.
+        errors: number of flights that raised an error; of the other numbers only ``passed`` includes them.
         departed: flights that departed; None where every flight raised.
         hit_ground: number of flights that hit the ground.
         passed: flights that meet the criteria; a flight that raised does not. None without criteria.
@@ -169,7 +169,7 @@ class Resampled:
     """Intervals of a quantity by resampling.
 
     Attributes:
-        mean: BCa; None where some flight never reached the quantity.
+        mean: BCa; None where the event did not occur in some flight.
         percentiles: percent -> percentile method, of ``histories.PERCENTILES``.
 
     """
@@ -268,17 +268,17 @@ class CampaignSummary:
     Attributes:
         scenario: name of the base scenario.
         name: of the campaign.
-        fingerprint: SHA-256 of all that decides the table.
+        fingerprint: SHA-256 of everything that determines the table.
         runs: flights at each point.
         seed: of the campaign file, or of the first flight of a scenario with successive seeds.
-        from_file: a campaign file defines the flights, and ``seed`` is its seed.
+        from_file: whether a campaign file defines the flights; ``seed`` is then its seed.
         criteria: of a flight that passes.
         flights: statistics of all flights.
         tracking: the tracking RMS that judges the campaign.
         resampled: column -> intervals by resampling, of the tracking RMS of pitch rate and load factor that some flight has.
         histories: numbers of the points with histories.
         points: statistics of each point; empty for a single point.
-        errors: what flights raised, in the order of their first flights.
+        errors: errors that flights raised, in the order of their first flights.
         worst: the worst flight; None where every flight raised.
         wall_time_s: duration of the campaign, s, after the last ``--resume``.
         aircraft_sha256: fingerprint of the (first) aircraft.
@@ -388,7 +388,7 @@ def summarize_campaign(
 
 def _worst(programme: Programme, run: RunSummary, index: int, reason: str) -> WorstSummary:
     flight = programme.flight(index)
-    options = f"{programme.overrides(flight)}{permits(run.own_code)}"
+    options = f"{programme.overrides(flight)}{use_options(run.own_code)}"
     return WorstSummary(index, flight.point, flight.values, run.seed, reason, options, run)
 
 

@@ -44,7 +44,7 @@ _EVENTS = ("first_within_20pct_s", "first_within_20pct_smoothed_s", "detected_at
 
 
 class Followed(NamedTuple):
-    """The tracking RMS that judges flights: its column, the error in words, unit, and whether it is that after the failure."""
+    """The tracking RMS that judges flights: its column, the error in words, its unit, and whether it covers the time after the failure."""
 
     column: str
     what: str
@@ -161,10 +161,10 @@ def _identity(flight: Flight, known: str | None, error: str | None) -> Row:
 
 def passes(row: Row, criteria: Sequence[Criterion]) -> bool | None:
     """Return whether a flight meets all criteria; None without criteria. A flight that raised, or without a value, does not."""
-    return all(_keeps(row[c.metric], c) for c in criteria) if criteria else None
+    return all(_meets(row[c.metric], c) for c in criteria) if criteria else None
 
 
-def _keeps(value: Value, criterion: Criterion) -> bool:
+def _meets(value: Value, criterion: Criterion) -> bool:
     if value is None:
         return False
     if criterion.equals is not None:
@@ -175,7 +175,7 @@ def _keeps(value: Value, criterion: Criterion) -> bool:
 
 
 def departed(rows: Sequence[Row]) -> Interval | None:
-    """Return the share of the flights that did not raise that departed, with its exact interval; None where all raised."""
+    """Return the share of departed flights among those without error, with its exact interval; None where all raised."""
     known = [row["departed"] for row in rows if row["error"] is None]
     return share(known.count(True), len(known)) if known else None
 
@@ -189,7 +189,7 @@ def passed(rows: Sequence[Row]) -> Interval | None:
 def quantity(table: Sequence[Row], column: str, *, tests: Collection[str], seed: int = 0) -> Quantity:
     """Return a column of numbers as a quantity; an event missing after a failure did not occur and counts as infinite.
 
-    Alarms are defined for the estimators ``tests``, and for any other that raised one.
+    Alarms are defined for the estimators ``tests``, and for any other with an alarm.
     """
     name, _, metric = column.rpartition(".")
     happens = metric in _EVENTS and (
@@ -215,7 +215,7 @@ def write_table(table: Sequence[Row], path: Path, keys: Sequence[str] = ()) -> N
 
     Args:
         table: rows, each with the same columns; at least one.
-        path: where to.
+        path: the file.
         keys: columns with values of axes, stored in the narrowest type that holds them all.
 
     """

@@ -12,13 +12,13 @@ from flightbed.analysis.result import fly_plan
 from flightbed.analysis.trace import true_share
 from flightbed.campaigns.plan import Flight, Programme, flight_hash, scenario_of
 from flightbed.campaigns.table import Row, failed_row, row
-from flightbed.config.own_code import Extension, Packed, carried
-from flightbed.config.tracebacks import line_of
+from flightbed.config.own_code import Extension, Packed, permit_packed
+from flightbed.config.tracebacks import error_line
 from flightbed.core.errors import FlightbedError
 from flightbed.flight.plan import Plan, plan
 from flightbed.parallel.executor import CHUNK, DEATHS
 from flightbed.scenario.estimates import estimates
-from flightbed.scenario.own_code import named_by
+from flightbed.scenario.own_code import named_extensions
 from flightbed.scenario.tables import Scenario
 from flightbed.statistics.histories import SAMPLE, Part, add_all
 
@@ -28,7 +28,10 @@ HISTORIES = (
     "alpha_deg",
     "elevator_deg",
 )  # and for every estimate the smoothed K and the true K of its surface
-KILLS = f"the worker process died at least {DEATHS} times while it flew only this flight; free memory, or correct the compiled or own code"
+DEATH_ERROR = (
+    f"the worker process died at least {DEATHS} times while it flew only this flight; "
+    "free memory, or correct the compiled or own code"
+)
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class Chunk:
         raw: base scenario, nested plain values.
         flights: flights in order of their indices.
         columns: columns of the trace that the histories hold.
-        remembered: indices of the flights that add to the histories.
+        with_histories: indices of the flights that add to the histories.
         sampled: indices of the flights whose columns are kept for percentiles too.
         estimators: names of the estimates.
         extensions: own code that the flights use.
@@ -51,7 +54,7 @@ class Chunk:
     raw: Mapping[str, Any]
     flights: tuple[Flight, ...]
     columns: tuple[str, ...]
-    remembered: frozenset[int]
+    with_histories: frozenset[int]
     sampled: frozenset[int]
     estimators: tuple[str, ...]
     extensions: tuple[Extension | Packed, ...] = ()
@@ -77,11 +80,11 @@ def chunk_of(programme: Programme, number: int) -> Chunk:
     names = estimates(programme.scenario)
     truths = dict.fromkeys(map(true_share, ("", *names)))
     columns = (*HISTORIES, *truths, *(f"{name}.effectiveness_smoothed" for name in names))
-    remembered = frozenset(i for i in indices if i // programme.runs in programme.remembered)
-    sampled = frozenset(i for i in remembered if i % programme.runs < SAMPLE)
+    with_histories = frozenset(i for i in indices if i // programme.runs in programme.history_points)
+    sampled = frozenset(i for i in with_histories if i % programme.runs < SAMPLE)
     flights = tuple(map(programme.flight, indices))
     return Chunk(
-        number, dict(programme.raw), flights, columns, remembered, sampled, names, programme.extensions
+        number, dict(programme.raw), flights, columns, with_histories, sampled, names, programme.extensions
     )  # fmt: skip
 
 
@@ -90,7 +93,7 @@ def single_flights(chunk: Chunk) -> list[Chunk]:
     return [replace(chunk, flights=(flight,)) for flight in chunk.flights]
 
 
-def joined(single: Sequence[ChunkResult]) -> ChunkResult:
+def join_flights(single: Sequence[ChunkResult]) -> ChunkResult:
     """Return the result of a chunk from those of its single flights; it equals that of the whole chunk bit for bit."""
     parts: dict[int, Part] = {}
     for one in single:
@@ -98,14 +101,14 @@ def joined(single: Sequence[ChunkResult]) -> ChunkResult:
     return ChunkResult([row for one in single for row in one.rows], parts)
 
 
-def killed(chunk: Chunk) -> ChunkResult:
-    """Return the result of a chunk of one flight that ends its worker process every time: a row with this error."""
+def killed_result(chunk: Chunk) -> ChunkResult:
+    """Return the result of a chunk of one flight whose worker process died every time: a row with this error."""
     (flight,) = chunk.flights
-    with carried(chunk.extensions):
+    with permit_packed(chunk.extensions):
         scenario = scenario_of(chunk.raw, flight)
         # Planning could end this process too. A plan adds only the aircraft to the hashed scenario; if it is set already, none is needed.
-        known = flight_hash(scenario, named_by(scenario)) if scenario.aircraft.sha256 else None
-    return ChunkResult([failed_row(flight, known, KILLS, chunk.estimators)], {})
+        known = flight_hash(scenario, named_extensions(scenario)) if scenario.aircraft.sha256 else None
+    return ChunkResult([failed_row(flight, known, DEATH_ERROR, chunk.estimators)], {})
 
 
 def fly_chunk(chunk: Chunk) -> ChunkResult:
@@ -113,16 +116,16 @@ def fly_chunk(chunk: Chunk) -> ChunkResult:
     rows: list[Row] = []
     parts: dict[int, Part] = {}
     planned: Plan | None = None
-    with carried(chunk.extensions):
+    with permit_packed(chunk.extensions):
         for flight in chunk.flights:
             known: str | None = None
             try:
                 scenario = scenario_of(chunk.raw, flight)
                 planned = _planned(scenario, planned)
-                known = flight_hash(planned.scenario, named_by(scenario))
+                known = flight_hash(planned.scenario, named_extensions(scenario))
                 trace, metrics = fly_plan(planned)
                 there = row(flight, known, metrics, ticks=len(trace), scenario=planned.scenario)
-                if flight.index in chunk.remembered:
+                if flight.index in chunk.with_histories:
                     columns = {name: trace[name] for name in chunk.columns}
                     add_all(parts, {flight.point: Part.of(columns, sampled=flight.index in chunk.sampled)})
                 rows.append(there)
@@ -146,4 +149,4 @@ def _error_text(error: Exception) -> str:
     if isinstance(error, FlightbedError):
         return "; ".join(str(error).splitlines())
     frames = traceback.extract_tb(error.__traceback__)
-    return f"{Path(frames[-1].filename).name}:{frames[-1].lineno}: {line_of(error)}" if frames else line_of(error)
+    return f"{Path(frames[-1].filename).name}:{frames[-1].lineno}: {error_line(error)}" if frames else error_line(error)

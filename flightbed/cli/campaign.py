@@ -69,11 +69,11 @@ def campaign(
 
 def campaign_lines(campaign: Campaign, written: Path) -> Iterator[RenderableType]:
     """Yield headline, medians and points of a campaign, the command for its worst flight, and the folder."""
-    from flightbed.campaigns.report.headline import lead
+    from flightbed.campaigns.report.headline import headline_section
     from flightbed.campaigns.report.points import points_table
     from flightbed.document.document import Table
 
-    first = lead(campaign)
+    first = headline_section(campaign)
     yield Text.from_markup(f"[bold]{campaign.programme.name}[/bold]: {escape(campaign.programme.description)}")
     for paragraph in first.text:
         yield Padding(escape(paragraph), (0, 2))

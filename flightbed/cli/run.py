@@ -73,7 +73,7 @@ def run(
 def run_lines(result: Result) -> Iterator[RenderableType]:
     """Yield the settings and the outcome of a flight, a table of its estimates, and the folder."""
     from flightbed.analysis.events import failures
-    from flightbed.analysis.summary_text import correction, followed, kept_pace, outcome
+    from flightbed.analysis.summary_text import correction, followed, outcome, pace_text
 
     summary, scenario = result.summary, result.plan.scenario
     trim, metrics = summary.trim, summary.metrics
@@ -97,7 +97,7 @@ def run_lines(result: Result) -> Iterator[RenderableType]:
         "tracking": "\n".join(_tracking(summary, *quantity) for quantity in followed(scenario)),
         **({"pull-up": _pull_up(metrics)} if metrics.pull_up_overshoot is not None else {}),
         **({"own code": _own_code(summary)} if summary.extensions else {}),
-        **({"real time": kept_pace(summary.realtime, summary.flown_s)} if summary.realtime else {}),
+        **({"real time": pace_text(summary.realtime, summary.flown_s)} if summary.realtime else {}),
     }.items():
         grid.add_row(f"  {name}", text)
     yield grid

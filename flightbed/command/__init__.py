@@ -1,1 +1,1 @@
-"""The pilot's commands: one input shape per file."""
+"""The pilot's commands as functions of time: one input shape per file. Their prefilter and the laws are elsewhere."""

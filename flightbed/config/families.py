@@ -95,7 +95,7 @@ class Permitted(Protocol):
 
 
 _NOTHING: Mapping[str, Permitted] = MappingProxyType({})
-_PERMITTED: ContextVar[Mapping[str, Permitted]] = ContextVar("flightbed code of the user's own", default=_NOTHING)
+_PERMITTED: ContextVar[Mapping[str, Permitted]] = ContextVar("flightbed external code", default=_NOTHING)
 
 
 def names(family: str) -> tuple[str, ...]:
@@ -114,13 +114,13 @@ def is_taken(family: str, name: str) -> bool:
 
 
 def in_use() -> Mapping[str, Permitted]:
-    """Return the code of the user's own that is permitted here and now, by name."""
+    """Return the external code that is permitted in this thread, by name."""
     return _PERMITTED.get()
 
 
 @contextmanager
-def permitted(extensions: Mapping[str, Permitted]) -> Iterator[None]:
-    """Permit these and no others for as long as it lasts, in this thread."""
+def permit(extensions: Mapping[str, Permitted]) -> Iterator[None]:
+    """Permit these extensions and no others inside the ``with`` block, in this thread."""
     token = _PERMITTED.set(MappingProxyType(dict(extensions)))
     try:
         yield
@@ -142,7 +142,7 @@ def factory(family: str, name: str) -> Callable[..., Any]:
     """Return the factory registered under a name. Raises UnknownNameError, and ExtensionError for external code that is not permitted."""
     if name in _BUILT_IN[family]:
         module, _, attribute = _BUILT_IN[family][name].rpartition(":")
-        built_in: Callable[..., Any] = getattr(import_module(module or "flightbed.factories"), attribute)
+        built_in: Callable[..., Any] = getattr(import_module(module), attribute)
         return built_in
     if name in _installed(family):
         loaded: Callable[..., Any] = _installed(family)[name].load()

@@ -27,13 +27,13 @@ def override(raw: Mapping[str, Any], overrides: Sequence[str]) -> tuple[Mapping[
         key, equals, value = text.partition("=")
         if not equals:
             raise ScenarioError([f"--set {text}: must be KEY=VALUE, for example --set failures.0.to=0.35"])
-        raw = replaced(raw, key.split("."), toml_value(value), f"--set {text}")
+        raw = replace_at(raw, key.split("."), toml_value(value), f"--set {text}")
         keys.append(key)
     return raw, frozenset(keys)
 
 
 def toml_value(text: str) -> Any:
-    """Return the TOML value of a text; a text that is not TOML is returned as it is."""
+    """Return the TOML value of a text; a text that is not TOML is returned unchanged."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -49,7 +49,7 @@ def setting(key: str, value: Any) -> str:
     return f"{key}={value if is_plain else json.dumps(value, ensure_ascii=False)}"
 
 
-def replaced(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
+def replace_at(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
     """Return a copy of a nested structure with one value replaced; missing tables and lists on its path are created.
 
     Raises ScenarioError, which names ``place``, for an index outside a list and for a key inside a scalar.
@@ -61,7 +61,7 @@ def replaced(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
             raise ScenarioError([f"{place}: '{key}' must be an index from 0 to {len(node)} ({len(node)} adds one)"])
         index = int(key)
         old = node[index] if index < len(node) else missing
-        return [*node[:index], replaced(old, rest, value, place) if rest else value, *node[index + 1 :]]
+        return [*node[:index], replace_at(old, rest, value, place) if rest else value, *node[index + 1 :]]
     if not isinstance(node, dict):
         raise ScenarioError([f"{place}: '{key}': the value that contains it is not a table; use a key of the scenario"])
-    return {**node, key: replaced(node.get(key, missing), rest, value, place) if rest else value}
+    return {**node, key: replace_at(node.get(key, missing), rest, value, place) if rest else value}

@@ -22,7 +22,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from flightbed.config import families
-from flightbed.config.tracebacks import constructor_message, line_of, location
+from flightbed.config.tracebacks import constructor_message, error_line, location
 from flightbed.core.errors import ExtensionError, FlightbedError, did_you_mean
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class Extension:
             return Packed, (self.name, pickle.dumps(self.factory), self.sha256)
         except Exception as error:
             raise ExtensionError(
-                f"own code {self.name}: cannot be sent to other processes ({line_of(error)}); put it in a file and name it "
+                f"own code {self.name}: cannot be sent to other processes ({error_line(error)}); put it in a file and name it "
                 "path/to/file.py:Attribute, or fly in this process"
             ) from error
 
@@ -94,21 +94,21 @@ class Packed:
 
     def unpack(self) -> Extension:
         """Load the code. Raises ExtensionError if it cannot be loaded, or if its file has changed since it was packed."""
-        found = self._found()
+        found = self._load_factory()
         if found.sha256 != self.sha256:
             raise ExtensionError(
                 f"own code {self.name}: its file has changed since the flights began; start the flights again"
             )
         return found
 
-    def _found(self) -> Extension:
+    def _load_factory(self) -> Extension:
         if self.pickled is None:
             return load(self.name)
         try:
             return _from_object(self.name, pickle.loads(self.pickled))
         except Exception as error:
             raise ExtensionError(
-                f"own code {self.name}: cannot be found in the other process ({line_of(error)}); put it in a file and name it "
+                f"own code {self.name}: cannot be found in the other process ({error_line(error)}); put it in a file and name it "
                 "path/to/file.py:Attribute, or fly in this process"
             ) from error
 
@@ -135,24 +135,24 @@ def using(*own: str | Mapping[str, Callable[..., Any]]) -> Iterator[None]:
             )
         for extension in [load(item)] if isinstance(item, str) else [_from_object(n, f) for n, f in item.items()]:
             found[extension.name] = extension
-    with families.permitted(found):
+    with families.permit(found):
         yield
 
 
 @contextmanager
-def carried(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
+def permit_packed(extensions: Iterable[Extension | Packed]) -> Iterator[None]:
     """Permit the extensions of a job inside the ``with`` block; those packed by another process are loaded first."""
     loaded = [e.unpack() if isinstance(e, Packed) else e for e in extensions]
-    with families.permitted({**families.in_use(), **{e.name: e for e in loaded}}):
+    with families.permit({**families.in_use(), **{e.name: e for e in loaded}}):
         yield
 
 
-def permits(names: Iterable[str]) -> str:
-    """Return the options that permit own code, by its names, on a command line."""
+def use_options(names: Iterable[str]) -> str:
+    """Return the ``--use`` options that permit own code on a command line, given its names."""
     return "".join(f" --use {shlex.quote(name)}" for name in names if ":" in name)
 
 
-def at_hand(names: Iterable[str]) -> list[str]:
+def names_without_option(names: Iterable[str]) -> list[str]:
     """Return the names of own code that no command line can permit: classes and functions given in Python."""
     return [name for name in names if ":" not in name]
 
@@ -173,7 +173,9 @@ def load(name: str) -> Extension:
     found: Any = module
     for part in attribute.split("."):
         if not hasattr(found, part):
-            raise ExtensionError(_no_attribute(name, module, part, [n for n in dir(found) if not n.startswith("_")]))
+            raise ExtensionError(
+                _attribute_problem(name, module, part, [n for n in dir(found) if not n.startswith("_")])
+            )
         found = getattr(found, part)
     if not callable(found):
         raise ExtensionError(
@@ -250,12 +252,12 @@ def _importing(name: str, *folders: str) -> Iterator[None]:
     try:
         yield
     except (Exception, SystemExit) as error:
-        raise ExtensionError(f"own code {name}: cannot be imported: {location(error)}{line_of(error)}") from error
+        raise ExtensionError(f"own code {name}: cannot be imported: {location(error)}{error_line(error)}") from error
     finally:
         sys.path[:] = before
 
 
-def _no_attribute(name: str, module: ModuleType, part: str, known: Sequence[str]) -> str:
+def _attribute_problem(name: str, module: ModuleType, part: str, known: Sequence[str]) -> str:
     file = getattr(module, "__file__", None) or "built in"
     place, _, attribute = name.rpartition(":")
     beside = Path(place.replace(".", "/") + ".py")

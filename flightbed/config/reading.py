@@ -19,19 +19,19 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError([f"{shown(path)}: cannot be read: {error}"]) from None
+        raise ScenarioError([f"{display_path(path)}: cannot be read: {error}"]) from None
     except tomllib.TOMLDecodeError as error:
-        raise ScenarioError([f"{shown(path)}: not TOML: {error}"]) from None
+        raise ScenarioError([f"{display_path(path)}: not TOML: {error}"]) from None
 
 
-def frozen(value: Any) -> Any:
+def with_tuples(value: Any) -> Any:
     """Return nested lists as tuples: strict validation rejects a list where a tuple is declared."""
     if isinstance(value, Mapping):
-        return {key: frozen(inner) for key, inner in value.items()}
-    return tuple(map(frozen, value)) if isinstance(value, list | tuple) else value
+        return {key: with_tuples(inner) for key, inner in value.items()}
+    return tuple(map(with_tuples, value)) if isinstance(value, list | tuple) else value
 
 
-def shown(path: Path) -> str:
+def display_path(path: Path) -> str:
     """Return the name of a scenario or campaign file in errors: its path in the source tree if it is shipped."""
     for kind, folder in (("scenario", "scenarios"), ("campaign", "scenarios/campaigns")):
         if path.parent == data.shipped(kind):
@@ -39,7 +39,7 @@ def shown(path: Path) -> str:
     return str(path)
 
 
-def problems(
+def validation_lines(
     error: ValidationError, place: str, origins: Mapping[str, str] = MappingProxyType({}), *, model: type
 ) -> list[str]:
     """Return the problems of a validation, one line each, with place, value and cure."""

@@ -20,14 +20,14 @@ _NOT_EXTERNAL = (_PACKAGE, sysconfig.get_path("stdlib"), "<")
 
 
 @contextmanager
-def watched(control_hz: int, used: Sequence[families.Permitted] | None = None) -> Iterator[None]:
+def error_context(control_hz: int, used: Sequence[families.Permitted] | None = None) -> Iterator[None]:
     """Convert an exception raised by external code, or by a value it returned, into one line with file, line and flight time.
 
-    File, line and time are taken from the traceback; a flight without errors costs nothing.
+    File, line and time are taken from the traceback; a flight without errors has no overhead.
 
     Args:
         control_hz: control rate of the flight, Hz.
-        used: external code of the flight; None for all that is permitted.
+        used: external code of the flight; None for all permitted code.
 
     Raises:
         ExtensionError: the converted error, with the original exception as its cause.
@@ -44,16 +44,18 @@ def watched(control_hz: int, used: Sequence[families.Permitted] | None = None) -
         raise ExtensionError(_flight_message(error, own, control_hz)) from error
 
 
-def guarded(samples: Iterator[Sample], control_hz: int, used: Sequence[families.Permitted]) -> Iterator[Sample]:
-    """Yield the samples; errors of external code are converted as by ``watched``. Raises ExtensionError."""
-    with watched(control_hz, used):
+def with_error_context(
+    samples: Iterator[Sample], control_hz: int, used: Sequence[families.Permitted]
+) -> Iterator[Sample]:
+    """Yield the samples; errors of external code are converted as by ``error_context``. Raises ExtensionError."""
+    with error_context(control_hz, used):
         yield from samples
 
 
 def constructor_message(error: Exception, extension: families.Permitted) -> str:
     """Return the message for an exception raised by an external factory."""
     found = _own_frame(error, [extension])
-    text = line_of(error)
+    text = error_line(error)
     problem = f"{found[1]}: {text}" if found else f"{text}; docs/extending.md lists the arguments of each factory"
     return f"own code {extension.name}: cannot be built: {problem}"
 
@@ -66,11 +68,11 @@ def _flight_message(error: Exception, own: Sequence[families.Permitted], control
     tick = looping[0].f_locals.get("tick") if looping else None
     when = "" if tick is None else f" at t = {tick / control_hz:g} s, tick {tick}"
     if found := _own_frame(error, own):
-        return f"own code {found[0]}: fails{when}: {found[1]}: {line_of(error)}"
+        return f"own code {found[0]}: fails{when}: {found[1]}: {error_line(error)}"
     names = " or ".join(extension.name for extension in own)
     file, line = frames[-1][0].f_code.co_filename, frames[-1][1]
     return (
-        f"own code {names}: returned an invalid value{when}: {line_of(error)} (in {Path(file).name}:{line}); "
+        f"own code {names}: returned an invalid value{when}: {error_line(error)} (in {Path(file).name}:{line}); "
         "flightbed.testing.check_estimator finds the faults of an estimator"
     )
 
@@ -111,7 +113,7 @@ def _short_path(file: str) -> str:
     return str(path.relative_to(Path.cwd())) if path.is_absolute() and path.is_relative_to(Path.cwd()) else file
 
 
-def line_of(error: BaseException) -> str:
+def error_line(error: BaseException) -> str:
     """Return "ValueError: message" on one line."""
     text = error.msg if isinstance(error, SyntaxError) else str(error)
     return f"{type(error).__name__}{': ' if text else ''}{' '.join(text.split())}"

@@ -1,1 +1,1 @@
-"""Values and tools that everything else uses: units, errors, signals, the actuator, the atmosphere, files, compiled functions."""
+"""Units, errors, signals, actuator, atmosphere, atomic files, compiled functions: used by all packages, imports none of them."""

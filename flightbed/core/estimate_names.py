@@ -25,7 +25,7 @@ def of_surface(estimates: Iterable[str], surface: str) -> tuple[str, ...]:
     return tuple(name for name in estimates if surface_of(name) == surface)
 
 
-def numbered(estimates: Sequence[str]) -> dict[str, int]:
+def estimator_indices(estimates: Sequence[str]) -> dict[str, int]:
     """Return estimate -> index of its estimator; all estimates of one estimator share its colour."""
     estimators = list(dict.fromkeys(map(estimator_of, estimates)))
     return {name: estimators.index(estimator_of(name)) for name in estimates}

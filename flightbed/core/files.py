@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all."""
+"""Files and folders written atomically, and the check of a target folder before a flight."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def check_target(target: Path, kind: FolderKind, *, replace: bool, scratch: froz
         if replace and target.exists() and not target.is_dir():
             raise OutputError(f"--out {target}: is a file; name a folder")
         if replace and target.is_dir():
-            strangers = sorted(p.name for p in target.iterdir() if p.name not in kind.files | scratch)
-            if strangers:
+            others = sorted(p.name for p in target.iterdir() if p.name not in kind.files | scratch)
+            if others:
                 raise OutputError(
-                    f"--out {target}: holds '{strangers[0]}', which is not from a {kind.name}; name a new folder"
+                    f"--out {target}: holds '{others[0]}', which is not from a {kind.name}; name a new folder"
                 )
         parent = next(p for p in target.absolute().parents if p.exists())
         tempfile.TemporaryDirectory(dir=parent, prefix=".flightbed-").cleanup()
@@ -56,8 +56,8 @@ def to_json(values: dict[str, Any]) -> str:
     return json.dumps(values, indent=2, allow_nan=False) + "\n"
 
 
-def put_whole(path: Path, write: Callable[[Path], None]) -> None:
-    """Write a file atomically: ``write`` fills a temporary file beside it, which is then renamed. Raises OSError."""
+def replace_file(path: Path, write: Callable[[Path], None]) -> None:
+    """Write a file inside a folder of flightbed atomically: ``write`` fills NAME.tmp beside it, which is then renamed. Raises OSError."""
     scratch = path.with_name(f"{path.name}.tmp")
     write(scratch)
     scratch.replace(path)
@@ -81,7 +81,7 @@ def write_folder(target: Path, write: Callable[[Path], None], *, replace: bool) 
         raise OutputError(f"--out {target}: cannot be written: {error.strerror or error}") from None
 
 
-def numbered(target: Path) -> Iterator[Path]:
+def numbered_paths(target: Path) -> Iterator[Path]:
     """Yield TARGET, TARGET-2, TARGET-3, ..."""
     yield target
     for number in count(2):
@@ -89,7 +89,7 @@ def numbered(target: Path) -> Iterator[Path]:
 
 
 def first_free(target: Path, make: Callable[[Path], object]) -> Path:
-    """Make the first of TARGET, TARGET-2, ... that does not exist; processes that do so at once make one each.
+    """Make the first of TARGET, TARGET-2, ... that does not exist; concurrent processes make one each.
 
     Args:
         target: the first path.
@@ -99,7 +99,7 @@ def first_free(target: Path, make: Callable[[Path], object]) -> Path:
         OSError: the folder cannot be made for another reason.
 
     """
-    for place in numbered(target):
+    for place in numbered_paths(target):
         if not os.path.lexists(place):
             try:
                 make(place)
@@ -126,7 +126,7 @@ def _replace(target: Path, new: Path, old: Path) -> None:
 
 
 @contextmanager
-def heap_set_aside() -> Iterator[None]:
+def frozen_heap() -> Iterator[None]:
     """Exclude all existing objects from garbage collections inside the ``with`` block: scanning the imported libraries takes 0.1 s."""
     if gc.get_freeze_count():  # the caller has frozen the heap already and unfreezes it
         yield
@@ -139,7 +139,7 @@ def heap_set_aside() -> Iterator[None]:
 
 
 def write_atomic(path: Path, content: bytes, *, option: str = "-o") -> None:
-    """Write a file atomically; ``option`` names it in errors. Raises OutputError."""
+    """Write a file that the user names atomically, with the user's permissions; ``option`` names it in errors. Raises OutputError."""
     try:
         handle, scratch = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.")
         try:

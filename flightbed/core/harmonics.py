@@ -1,4 +1,4 @@
-"""The harmonics of a period within a band; imports nothing heavy, because reading any scenario needs it."""
+"""Harmonics of a period within a band. No slow import here: reading any scenario needs this module."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Failures as functions of the tick."""
+"""Failures as functions of the tick: health of a surface or actuator, shift of the c.g. The plant applies them."""

@@ -12,7 +12,7 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.command.base import Profile, profile
 from flightbed.config import families
 from flightbed.config.kinds import Command
-from flightbed.config.tracebacks import watched
+from flightbed.config.tracebacks import error_context
 from flightbed.control.base import Law
 from flightbed.control.correction import Adaptation
 from flightbed.control.design import peak_deflection
@@ -40,7 +40,7 @@ _ROOM_M = 300.0  # a flight that starts at sea level may descend this far below 
 
 def assemble(plan: Plan) -> Flight:
     """Build all parts of one flight on a new FDM; every random stream is spawned from the scenario's seed."""
-    with watched(plan.scenario.rates.control_hz):
+    with error_context(plan.scenario.rates.control_hz):
         return _assembled(plan)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import NamedTuple, Protocol, TypeVar
 
-from flightbed.core.files import heap_set_aside
+from flightbed.core.files import frozen_heap
 
 T = TypeVar("T")
 _NS = 1_000_000_000  # per second
@@ -87,7 +87,7 @@ def paced(samples: Iterable[T], *, control_hz: int, clock: Clock, record: Callab
 
     """
     source = iter(samples)
-    with heap_set_aside():
+    with frozen_heap():
         start = clock.now_ns()
         for tick in count():
             due, deadline = (start + k * _NS // control_hz for k in (tick, tick + 1))

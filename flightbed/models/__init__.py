@@ -1,1 +1,1 @@
-"""Trim, linear models, their modes and validity, and tables of an aircraft."""
+"""Trim, linear models, their modes and validity, and tables of an aircraft. Nothing here runs in flight."""

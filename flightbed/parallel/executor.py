@@ -1,4 +1,4 @@
-"""Executor for the tasks of studies and campaigns, on local processes or dask workers: a worker that dies loses no task."""
+"""Executor for the tasks of studies and campaigns, on local processes or dask workers; the task of a worker that dies is repeated."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def results(
     Args:
         tasks: read as needed.
         work: functions for one task.
-        executor: an executor, a function that opens one, or None to run in this process, where a death ends everything.
+        executor: an executor, a function that opens one, or None to run in this process, which a crash of a task ends.
         ahead: most submitted tasks beyond the first unfinished one.
 
     Raises:
@@ -151,7 +151,7 @@ def results(
                             suspects.add(number)
                             del pending[future]
                             continue
-                        result = _checked(future)
+                        result = _result(future)
                         del pending[future]
                         losses = 0
                         yield undone.pop(number), result
@@ -179,7 +179,7 @@ class _WithVersions(Generic[T, R]):
         return self.do(task), dict(versions())
 
 
-def _checked(future: Future[tuple[R, dict[str, str]]]) -> R:
+def _result(future: Future[tuple[R, dict[str, str]]]) -> R:
     """Return the result of a finished future. Raises InputError if its worker has other versions than this process."""
     result, found = future.result()
     for package, ours in versions().items():
@@ -198,7 +198,7 @@ def _one_by_one(executor: Executor, work: Work[T, R], task: T) -> R:
         while deaths < DEATHS:
             future = executor.submit(_WithVersions(work.do), part)
             try:
-                found.append(_checked(future))
+                found.append(_result(future))
                 break
             except Exception as error:
                 died = _deaths(error)

@@ -37,19 +37,19 @@ class Processes(Executor):
 
     def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
         """Submit a task; tasks start in the order of submission."""
-        return self._threads.submit(self._wait_for, lambda pool: pool.submit(fn, *args, **kwargs))
+        return self._threads.submit(self._run_in_pool, lambda pool: pool.submit(fn, *args, **kwargs))
 
-    def _wait_for(self, start: Callable[[ProcessPoolExecutor], Future[R]]) -> R:
+    def _run_in_pool(self, start: Callable[[ProcessPoolExecutor], Future[R]]) -> R:
         pool: ProcessPoolExecutor | None = getattr(self._own, "pool", None)
         if pool is None:
-            pool = self._own.pool = self._started()
+            pool = self._own.pool = self._start_pool()
         try:
             return start(pool).result()
         except BrokenExecutor:
             self._own.pool = None
             raise
 
-    def _started(self) -> ProcessPoolExecutor:
+    def _start_pool(self) -> ProcessPoolExecutor:
         pool = ProcessPoolExecutor(1, get_context("spawn"), initializer=_prepare)
         with self._lock:
             self._pools.append(pool)

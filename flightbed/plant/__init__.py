@@ -1,1 +1,1 @@
-"""Plants: what flies."""
+"""The aircraft in flight: JSBSim or a linear model, gusts, surfaces, and the sensors, the only path from truth to measurement."""

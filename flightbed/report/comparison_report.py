@@ -18,14 +18,14 @@ _ROWS = (
     ("Angle of attack, deg", "alpha_deg", "", "", ""),
     ("Load factor nz, g", "nz_g", "nz_ref_g", palette.REFERENCE, "reference"),
 )
-_TURNING = (
+_LATERAL_ROWS = (
     ("Roll rate, deg/s", "p_deg_s", "p_ref_deg_s", palette.REFERENCE, "reference"),
     ("Sideslip, deg", "beta_deg", "beta_ref_deg", palette.REFERENCE, "reference"),
     ("Aileron K, share", "effectiveness.aileron", "effectiveness_aileron_true", palette.TRUTH, "true"),
     ("Rudder K, share", "effectiveness.rudder", "effectiveness_rudder_true", palette.TRUTH, "true"),
     ("Aileron, deg", "aileron_deg", "", "", ""),
     ("Rudder, deg", "rudder_deg", "", "", ""),
-)  # of flights with roll and yaw of their own
+)  # for flights with commanded aileron and rudder
 
 
 def comparison_report(runs: Sequence[Run]) -> Document:
@@ -36,7 +36,7 @@ def comparison_report(runs: Sequence[Run]) -> Document:
         "overlay",
         "All runs on one time axis",
         drawing.distinct(_draw(runs), "overlay"),
-        "K is that of the estimator that adapts, or else of the first, smoothed; the dotted line is the failure.",
+        "Smoothed K of the estimator that corrects the law, otherwise of the first; the dotted line is the onset of a failure.",
     )
     settings = differing(runs)
     same = () if settings.rows else ("All settings are the same.",)
@@ -56,15 +56,15 @@ def comparison_report(runs: Sequence[Run]) -> Document:
 
 
 def _draw(runs: Sequence[Run]) -> str:
-    rows = (*_ROWS, *(_TURNING if any(run.lateral for run in runs) else ()))
+    rows = (*_ROWS, *(_LATERAL_ROWS if any(run.lateral for run in runs) else ()))
     with drawing.canvas(len(rows), height=1.9) as (axes, svg):
         for row, (title, column, shared, color, name) in zip(axes, rows, strict=True):
-            told: list[tuple[Vector, Vector]] = []
+            references: list[tuple[Vector, Vector]] = []
             for run in runs:
-                t, asked = run.trace["t_s"], run.trace.columns.get(shared)
-                if asked is not None and not any(same_line(t, asked, *other) for other in told):
-                    told.append((t, asked))
-                    row.plot(t, asked, color=color, label="_" if len(told) > 1 else name)
+                t, reference = run.trace["t_s"], run.trace.columns.get(shared)
+                if reference is not None and not any(same_line(t, reference, *other) for other in references):
+                    references.append((t, reference))
+                    row.plot(t, reference, color=color, label="_" if len(references) > 1 else name)
             for run in runs:
                 values = _values(run, column)
                 if values is not None:
@@ -85,5 +85,5 @@ def _values(run: Run, column: str) -> Vector | None:
 
 
 def _plain(label: str) -> str:
-    """Return a label that matplotlib takes as it is: no mathematics, and shown even if it begins with an underscore."""
+    """Return a label that matplotlib draws literally: no mathematics, and visible even with a leading underscore."""
     return "\u200b" + label.replace("$", r"\$")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flightbed.analysis.trace import true_share
-from flightbed.core.estimate_names import numbered, of_surface, surface_of
+from flightbed.core.estimate_names import estimator_indices, of_surface, surface_of
 from flightbed.core.signals import SURFACES
 from flightbed.document import drawing, palette
 from flightbed.statistics.intervals import chi_square_bound
@@ -22,7 +22,7 @@ _NIS_LIMIT = 18.0  # upper end of the axis if the number of predicted readings i
 
 def color_of(result: Result, name: str) -> str:
     """Return the colour of an estimator, which is the same in all figures."""
-    return palette.estimate(numbered(result.trace.estimators)[name])
+    return palette.estimate(estimator_indices(result.trace.estimators)[name])
 
 
 def number(value: float | None, spec: str = ".2f", unit: str = "") -> str:

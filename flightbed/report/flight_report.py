@@ -12,10 +12,10 @@ import numpy as np
 from flightbed.analysis.events import events, failures, gusts
 from flightbed.analysis.metrics import PHASES
 from flightbed.analysis.pull_up import PULL_UP_METRICS
-from flightbed.analysis.summary_text import correction, flown, followed, kept_pace, outcome
+from flightbed.analysis.summary_text import correction, followed, outcome, pace_text, settings_rows
 from flightbed.analysis.trace import true_share
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.config.own_code import at_hand, permits
+from flightbed.config.own_code import names_without_option, use_options
 from flightbed.core.estimate_names import estimator_of
 from flightbed.document.document import Cell, Document, Listing, Section, Table
 from flightbed.report.figures import pictures
@@ -56,18 +56,20 @@ def run_report(result: Result) -> Document:
     scenario, summary = result.plan.scenario, result.summary
     facts = {
         "flown": f"{summary.flown_s:g} s in {summary.wall_time_s:.2f} s, {summary.real_time_factor:.0f} times real time",
-        **({"real time": kept_pace(summary.realtime, summary.flown_s)} if summary.realtime else {}),
+        **({"real time": pace_text(summary.realtime, summary.flown_s)} if summary.realtime else {}),
         "aircraft": f"{result.plan.aircraft.name}, SHA-256 {summary.aircraft_sha256}",
         **{f"own code {own.name}": f"SHA-256 {own.sha256 or 'unknown'}" for own in summary.extensions},
         "versions": summary.versions,
     }
     sections = [
-        Section("Settings", (), [_pairs("flown", "The flight", flown(scenario, result.plan.aircraft.name))]),
+        Section("Settings", (), [_pairs("flown", "The flight", settings_rows(scenario, result.plan.aircraft.name))]),
         Section("Figures", (), pictures(result)),
         _numbers(result),
         Section("Events", (), [_events(result)]),
         _design(result),
-        rerun_command(scenario.to_toml(), permits(summary.own_code), summary.versions, at_hand(summary.own_code)),
+        rerun_command(
+            scenario.to_toml(), use_options(summary.own_code), summary.versions, names_without_option(summary.own_code)
+        ),
     ]
     condition = f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     title = f"{scenario.name}: {result.plan.aircraft.name} at {condition}, seed {scenario.seed}"

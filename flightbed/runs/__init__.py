@@ -1,1 +1,1 @@
-"""One run and its folder; comparisons of runs."""
+"""One run and its folder, and the folder of a comparison of runs. Many flights: ``campaigns/``."""

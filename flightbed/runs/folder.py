@@ -1,4 +1,4 @@
-"""Folders of runs, studies and comparisons, written atomically; the folder of a campaign grows, see campaigns/journal.py."""
+"""Folder of a run, written atomically; ``campaigns/journal.py`` writes the folder of a campaign in steps."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from flightbed.analysis.comparison import folder_of
 from flightbed.core.errors import OutputError
-from flightbed.core.files import FolderKind, heap_set_aside, to_json, write_folder
+from flightbed.core.files import FolderKind, frozen_heap, to_json, write_folder
 from flightbed.telemetry.flight_info import result_info
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ RUN = FolderKind("run", frozenset({"scenario.toml", "trace.parquet", "metrics.js
 
 
 def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replace: bool) -> Path:
-    """Write the folder of a run, with recording and report on demand; returns its path."""
+    """Write the folder of a run, with recording and report if requested; returns its path."""
 
     def write(new: Path) -> None:
         (new / "scenario.toml").write_text(result.plan.scenario.to_toml(), encoding="utf-8")
@@ -33,7 +33,7 @@ def write_run(result: Result, target: Path, *, rerun: bool, report: bool, replac
 
 
 def _page(result: Result) -> str:
-    with heap_set_aside():  # drawing creates many objects: garbage collection would double its time
+    with frozen_heap():  # drawing creates many objects: garbage collection would double its time
         from flightbed.document.html import render
         from flightbed.report.flight_report import run_report  # slow to import
 

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from flightbed.analysis.result import Result, Watch, fly_scenario
-from flightbed.config.tracebacks import guarded
+from flightbed.config.tracebacks import with_error_context
 from flightbed.core.files import check_target
 from flightbed.core.signals import Sample
 from flightbed.flight.assembly import assemble
@@ -16,7 +16,7 @@ from flightbed.flight.loop import fly as fly_loop
 from flightbed.flight.pacing import Clock
 from flightbed.flight.plan import Plan, plan
 from flightbed.runs.folder import RUN, write_run
-from flightbed.scenario.own_code import named_by
+from flightbed.scenario.own_code import named_extensions
 from flightbed.scenario.tables import Scenario
 from flightbed.telemetry.flight_info import FlightInfo, result_info
 from flightbed.telemetry.live import Live
@@ -25,8 +25,8 @@ from flightbed.telemetry.live import Live
 def fly(scenario: Scenario) -> Iterator[Sample]:
     """Trim, design and fly a scenario, yielding one Sample per control tick."""
     samples = fly_loop(assemble(plan(scenario)))
-    used = named_by(scenario)
-    return guarded(samples, scenario.rates.control_hz, used) if used else samples
+    used = named_extensions(scenario)
+    return with_error_context(samples, scenario.rates.control_hz, used) if used else samples
 
 
 def _watch(live: Live, planned: Plan, readings: Mapping[str, float]) -> Watch:
@@ -47,7 +47,7 @@ def run(
 ) -> Result:
     """Fly a scenario; with ``out``, write a folder with scenario, trace, metrics, recording and report.
 
-    The folder appears complete or not at all; an interrupted flight writes nothing.
+    The folder is written atomically; an interrupted flight writes nothing.
 
     Args:
         scenario: the settings of the flight.
@@ -56,12 +56,12 @@ def run(
         report: write a report page into the folder.
         replace: replace an earlier run in ``out`` when the flight is over, and refuse any other folder that is not empty; if false, write
             the first of OUT, OUT-2, OUT-3, ... that does not exist.
-        pace: clock that the ticks keep to, ``flightbed.WallClock()`` for real time; the trace then has the columns of
-            ``pacing.with_timings`` in addition. None flies as fast as possible.
-        live: shows the flight in a viewer in flight, ``flightbed.Live()`` on this computer; used once.
+        pace: clock that releases the ticks, ``flightbed.WallClock()`` for real time; the trace then also has the columns of
+            ``punctuality.with_timings``. None flies as fast as possible.
+        live: viewer that shows the flight as it flies, ``flightbed.Live()`` on this computer; each object serves one flight.
 
     Raises:
-        InputError, NotComputableError: as the parts raise them.
+        InputError, NotComputableError: from the plan or the flight.
         OutputError: the folder cannot be written.
 
     """

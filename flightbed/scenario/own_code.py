@@ -10,7 +10,7 @@ from flightbed.core.errors import InputError, did_you_mean
 from flightbed.scenario.tables import Scenario
 
 
-def named_by(scenario: Scenario) -> tuple[Extension, ...]:
+def named_extensions(scenario: Scenario) -> tuple[Extension, ...]:
     """Return the permitted external code named by a scenario, without duplicates."""
     lateral = (scenario.lateral.roll.kind, scenario.lateral.sideslip.kind) if scenario.lateral.enabled else ()
     kinds = (scenario.command.kind, *lateral, *(f.kind for f in scenario.failures), scenario.control.law)
@@ -21,7 +21,7 @@ def named_by(scenario: Scenario) -> tuple[Extension, ...]:
 
 def check_named(scenario: Scenario, names: Sequence[str]) -> None:
     """Check that the scenario names every ``--use``. Raises InputError."""
-    named = [extension.name for extension in named_by(scenario)]
+    named = [extension.name for extension in named_extensions(scenario)]
     for name in names:
         if name not in named:
             near = did_you_mean(name, named)

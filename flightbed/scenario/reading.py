@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flightbed.config.overrides import override
-from flightbed.config.reading import frozen, problems, read_toml, shown
+from flightbed.config.reading import display_path, read_toml, validation_lines, with_tuples
 from flightbed.config.table import ValidationError
 from flightbed.core import data
 from flightbed.core.errors import ScenarioError
@@ -32,21 +32,21 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Sequence[st
     if isinstance(source, Mapping):
         return build(source, "scenario", overrides)
     path = data.find("scenario", str(source))
-    return build(read_toml(path), shown(path), overrides)
+    return build(read_toml(path), display_path(path), overrides)
 
 
 def build(raw: Mapping[str, Any], place: str, overrides: Sequence[str] = ()) -> Scenario:
     """Return the scenario of a file's contents with overrides; ``place`` names the file in errors. Raises ScenarioError."""
-    return changed(raw, place, overrides)[1]
+    return apply_overrides(raw, place, overrides)[1]
 
 
-def changed(raw: Mapping[str, Any], place: str, overrides: Sequence[str]) -> tuple[Mapping[str, Any], Scenario]:
+def apply_overrides(raw: Mapping[str, Any], place: str, overrides: Sequence[str]) -> tuple[Mapping[str, Any], Scenario]:
     """Return a file's contents with overrides applied and noted in the description, and its scenario. Raises ScenarioError."""
     raw, overridden = override(raw, overrides)
     description = raw.get("description", "")
     if overridden and "description" not in overridden and isinstance(description, str):
         raw = {**raw, "description": f"{description} (changed: {', '.join(overrides)})".strip()}
-    scenario = validated(raw, place, dict.fromkeys(overridden, "--set"))
+    scenario = validate(raw, place, dict.fromkeys(overridden, "--set"))
     if idle := [
         f"--set {key}: has no effect with {why}" for key, why in unused_keys(scenario).items() if key in overridden
     ]:
@@ -54,7 +54,7 @@ def changed(raw: Mapping[str, Any], place: str, overrides: Sequence[str]) -> tup
     return raw, scenario
 
 
-def validated(raw: Mapping[str, Any], place: str, origins: Mapping[str, str]) -> Scenario:
+def validate(raw: Mapping[str, Any], place: str, origins: Mapping[str, str]) -> Scenario:
     """Return the scenario of nested plain values.
 
     Args:
@@ -67,9 +67,9 @@ def validated(raw: Mapping[str, Any], place: str, origins: Mapping[str, str]) ->
 
     """
     try:
-        scenario = Scenario.model_validate(frozen(raw))
+        scenario = Scenario.model_validate(with_tuples(raw))
     except ValidationError as error:
-        raise ScenarioError(problems(error, place, origins, model=Scenario)) from None
+        raise ScenarioError(validation_lines(error, place, origins, model=Scenario)) from None
     if found := conflicts(scenario):
         raise ScenarioError([f"{place}: {line}" for line in found])
     return scenario

@@ -1,1 +1,1 @@
-"""Exact intervals, resampled intervals, moments and percentiles of histories."""
+"""Exact and bootstrap intervals, moments, and percentiles of histories. Pure functions of numbers, without flights or files."""

@@ -1,1 +1,1 @@
-"""Reproductions of published studies: one module or package each, with a function that returns a ``base.Study``."""
+"""Reproductions of published studies and the comparison of estimators; each has a function that returns a ``base.Study``."""

@@ -1,1 +1,1 @@
-"""Flights -> the Rerun viewer: a file when the flight is over, or live. The only folder that imports rerun."""
+"""Flights in the Rerun viewer: a recording after the flight, or live. The only package that imports rerun."""

@@ -9,7 +9,7 @@ from math import ceil, floor, log10
 import numpy as np
 
 from flightbed.analysis.trace import ACTING, GUST_ALPHA, Trace, Vector, true_share
-from flightbed.core.estimate_names import estimate_name, numbered, of_surface
+from flightbed.core.estimate_names import estimate_name, estimator_indices, of_surface
 from flightbed.core.units import unit_of
 from flightbed.document import palette
 from flightbed.statistics.intervals import chi_square_bound
@@ -139,7 +139,7 @@ def _line(label: str, color: str, column: str, factor: float = 1.0, width: float
 
 def _share(trace: Trace, surface: str, key: str, tab: str) -> Plot:
     """Return the plot of a surface's K: its estimates with their bands, and the truth."""
-    names, numbers = of_surface(trace.estimators, surface), numbered(trace.estimators)
+    names, numbers = of_surface(trace.estimators, surface), estimator_indices(trace.estimators)
     gains = [
         _line(f"K {name}, smoothed", palette.estimate(numbers[name]), f"{name}.effectiveness_smoothed")
         for name in names

@@ -73,8 +73,8 @@ def write_comparison(path: Path, runs: Sequence[Run], *, tables: Sequence[Table]
         raise OutputError(f"{path}: cannot be written: {error}") from None
     with stream:
         stream.send_recording_name(" / ".join(run.label for run in runs))
-        card = "\n\n".join(_markdown(table) for table in tables)
-        stream.log("run_card", rr.TextDocument(card, media_type=rr.MediaType.MARKDOWN), static=True)
+        text = "\n\n".join(_markdown(table) for table in tables)
+        stream.log("run_card", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
         stream.log("world", rr.ViewCoordinates.FRD, static=True)
         for plot in plots:
             _lines(stream, plot, runs, slugs)
@@ -126,7 +126,7 @@ def _lines(stream: rr.RecordingStream, plot: Plot, runs: Sequence[Run], slugs: S
     for run, slug in zip(runs, slugs, strict=True):
         own = _column(run, plot)
         if own is not None:
-            name = f"{run.label}: {run.watched}" if plot.key.startswith("effectiveness") else run.label
+            name = f"{run.label}: {run.estimator}" if plot.key.startswith("effectiveness") else run.label
             _line(stream, f"{plot.key}/{slug}", name, run.color, run.trace["t_s"], own)
             if plot.range is None:
                 low, high = min(low, float(np.nanmin(own))), max(high, float(np.nanmax(own)))

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from flightbed.analysis.events import events, planned_events
 from flightbed.analysis.result import Result
-from flightbed.analysis.summary_text import plan_card, run_card
+from flightbed.analysis.summary_text import plan_text, run_text
 from flightbed.analysis.trace import Trace
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
@@ -37,7 +37,7 @@ class FlightInfo:
     Attributes:
         name: name of the recording.
         recording_id: identifier; recordings with equal identifiers merge in the viewer.
-        card: run card, Markdown.
+        summary_text: text summary, Markdown.
         planned: scheduled failures and gusts; after the flight all its events.
         failures_s: onsets of failures, s, marked in every plot.
         estimators: names of the estimates.
@@ -56,7 +56,7 @@ class FlightInfo:
 
     name: str
     recording_id: str
-    card: str
+    summary_text: str
     planned: tuple[Event, ...]
     failures_s: tuple[float, ...]
     estimators: tuple[str, ...]
@@ -79,7 +79,7 @@ class FlightInfo:
         return cls(
             name=f"{scenario.name} seed {scenario.seed}",
             recording_id=hashlib.sha256(scenario.to_toml().encode()).hexdigest()[:16],
-            card=plan_card(scenario),
+            summary_text=plan_text(scenario),
             planned=tuple(Event(*event) for event in planned_events(scenario)),
             failures_s=tuple(sorted({failure_tick(failure, hz) / hz for failure in scenario.failures})),
             estimators=estimates(scenario),
@@ -100,7 +100,7 @@ class FlightInfo:
 
     def with_result(
         self,
-        card: str,
+        summary_text: str,
         events: Sequence[tuple[float, str, bool]],
         *,
         departed: bool,
@@ -109,7 +109,7 @@ class FlightInfo:
         """Return the description with the outcome of the flight.
 
         Args:
-            card: run card with the results, Markdown.
+            summary_text: text summary with the results, Markdown.
             events: (time in s, text, whether severe) of all events.
             departed: whether the flight ended in a departure.
             alarmed: estimates that raised alarms.
@@ -117,7 +117,7 @@ class FlightInfo:
         """
         return dataclasses.replace(
             self,
-            card=card,
+            summary_text=summary_text,
             planned=tuple(Event(*event) for event in events),
             departed=departed,
             detectors=tuple(name for name in self.estimators if name in self.detectors or name in alarmed),
@@ -168,7 +168,7 @@ def result_info(result: Result) -> FlightInfo:
     measured = result.metrics.estimators
     readings = {name: m.nis_expected for name, m in measured.items() if m.nis_expected is not None}
     return FlightInfo.of(result.plan, readings=readings).with_result(
-        run_card(scenario, summary),
+        run_text(scenario, summary),
         happened,
         departed=result.metrics.departed,
         alarmed=[name for name in measured if result.trace[f"{name}.alarms"].max() > 0.0],

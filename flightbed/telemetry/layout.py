@@ -37,7 +37,7 @@ def flight(plots: Sequence[Plot], *, live: bool = False, tab: int = 0) -> rrb.Bl
 
     lateral = any(p.tab == ROLL_YAW for p in plots)
     texts = rrb.Tabs(
-        rrb.TextDocumentView(name="Run card", origin="/run_card"), rrb.TextLogView(name="Events", origin="/events")
+        rrb.TextDocumentView(name="Summary", origin="/run_card"), rrb.TextLogView(name="Events", origin="/events")
     )
     mode = rrb.StateTimelineView(name="Modes", origin="/mode", time_view=rrb.TimeAxis(link="LinkToGlobal"))
     overview = rrb.Horizontal(

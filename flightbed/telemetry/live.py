@@ -114,7 +114,7 @@ class Live:
             self._put(ROWS, b"".join(rows))
 
     def finish(self, info: FlightInfo) -> None:
-        """Send the outcome of the completed flight: run card, events, departure."""
+        """Send the outcome of the completed flight: text summary, events, departure."""
         self._over = True
         self._put(RESULT, info.to_json().encode())
 

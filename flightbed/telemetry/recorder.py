@@ -9,7 +9,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from flightbed.analysis.trace import Trace
-from flightbed.core.estimate_names import numbered
+from flightbed.core.estimate_names import estimator_indices
 from flightbed.document import palette
 from flightbed.telemetry.channels import Plot
 from flightbed.telemetry.chase import Aircraft, set_time, time_of
@@ -38,14 +38,14 @@ class Recorder:
         self._extent: dict[str, tuple[float, float]] = {}
         self._marked: dict[str, tuple[float, float, int]] = {}
         self._aircraft = Aircraft(stream, "world", trail=palette.OTHER, lateral=info.lateral)
-        self._colors = {name: palette.estimate(i) for name, i in numbered(info.estimators).items()}
+        self._colors = {name: palette.estimate(i) for name, i in estimator_indices(info.estimators).items()}
         self._last_s = 0.0
 
     def begin(self) -> None:
-        """Log the static data: names, colours, the aircraft's mesh, the run card."""
+        """Log the static data: names, colours, the aircraft's mesh, the text summary."""
         stream = self._stream
         stream.send_recording_name(self._info.name)
-        self.card(self._info.card)
+        self.summary_text(self._info.summary_text)
         for plot in self._plots:
             style = rr.SeriesLines(
                 names=[line.label for line in plot.lines],
@@ -78,8 +78,8 @@ class Recorder:
             set_time(self._stream, t_s)
             self._stream.log("mode/elevator", rr.StateChange(state="departed"))
 
-    def card(self, text: str) -> None:
-        """Log the run card; it replaces an earlier one."""
+    def summary_text(self, text: str) -> None:
+        """Log the text summary; it replaces an earlier one."""
         self._stream.log("run_card", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
     def events(self, events: Iterable[Event]) -> None:

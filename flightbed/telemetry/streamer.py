@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import rerun as rr
 
-from flightbed.analysis.events import seen_events
+from flightbed.analysis.events import trace_events
 from flightbed.analysis.excitation import WINDOW_S, with_excitation
 from flightbed.analysis.trace import Trace, Vector, from_rows
 from flightbed.core.errors import FlightbedError
@@ -146,15 +146,15 @@ class LiveRecording:
         self._recorder.add(trace, new)
         now = float(trace["t_s"][-1])
         events = [event for event in info.planned if event.t_s <= now + 1e-9]
-        events += [Event(*event) for event in seen_events(trace, info.actuators, since=new)]
+        events += [Event(*event) for event in trace_events(trace, info.actuators, since=new)]
         self._log(events)
         self._kept = values[-width * (round(WINDOW_S * info.control_hz) + 1) :]
 
     def finish(self, info: FlightInfo) -> None:
-        """Log the outcome of the flight: run card, events, departure."""
+        """Log the outcome of the flight: text summary, events, departure."""
         if self._recorder is None:
             return
-        self._recorder.card(info.card)
+        self._recorder.summary_text(info.summary_text)
         self._log(list(info.planned))
         if info.departed:
             self._recorder.departed()

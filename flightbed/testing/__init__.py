@@ -1,4 +1,4 @@
-"""Checks for your own estimators."""
+"""Checks for users' own estimators. The project's own tests are in ``tests/``."""
 
 from flightbed.testing.check import ContractError as ContractError
 from flightbed.testing.check import check_estimator as check_estimator

@@ -28,7 +28,7 @@ import numpy as np
 from flightbed.avionics.onboard import OnBoard
 from flightbed.config.kinds import EstimatorSettings
 from flightbed.config.own_code import using
-from flightbed.config.tracebacks import line_of
+from flightbed.config.tracebacks import error_line
 from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.estimation.base import Estimator
@@ -163,7 +163,7 @@ def _check(factory: Factory, planned: Plan, found: _Findings) -> Checked | None:
             found.add("update", f"a {type(new()).__name__} has no such method", "give it a method update(measurement)")
             return None
     except Exception as error:
-        found.add("building", f"{_place(error)}{line_of(error)}", "accept the arguments (settings, onboard)")
+        found.add("building", f"{_place(error)}{error_line(error)}", "accept the arguments (settings, onboard)")
         return None
     before, flights = _fingerprint(onboard), readings_of_flights(onboard)
     with found.in_flight("K drops to 0.5"):  # first: the other checks take too long with a slow estimator
@@ -229,7 +229,9 @@ class _Findings:
             error.__cause__ if isinstance(error, ExtensionError) and isinstance(error.__cause__, Exception) else error
         )
         self.add(
-            "update", f"raises {line_of(cause)} at {_place(cause)}in flight '{self._flight}'", "handle these readings"
+            "update",
+            f"raises {error_line(cause)} at {_place(cause)}in flight '{self._flight}'",
+            "handle these readings",
         )
         return True
 

@@ -1,4 +1,4 @@
-"""Ensembles: seeds in order, the same numbers wherever they are flown, and histories over flights of any length."""
+"""Ensembles: seeds in order, equal results on any executor, and histories over flights of any length."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def jobs() -> list[Job]:
 
 @pytest.fixture(scope="module")
 def flown(jobs: list[Job]) -> list[list[Flown]]:
-    """The jobs here and now, in one chunk each."""
+    """The jobs in this process, in one chunk each."""
     return fly_jobs(jobs)
 
 
@@ -83,17 +83,17 @@ def test_chunks_threads_and_processes_change_no_bit(
         assert threads_of_a_worker == ["3", "1"]  # as the environment says; where it says nothing, one
         assert executor.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
         _assert_the_same(fly_jobs(jobs, executor=executor, progress=done.append), flown)
-        with pytest.raises(ScenarioError) as caught:  # what a worker finds is told as if it were found here
+        with pytest.raises(ScenarioError) as caught:  # a worker's problems are reported like those of this process
             fly_jobs([Job(_scenario("condition.mach=0.5", "condition.gamma_deg=3"), 3)], executor=executor)
-        told = [line.partition(":")[0] for line in str(caught.value).splitlines()]
-        assert told == ["condition.mach", "condition.gamma_deg"]
+        places = [line.partition(":")[0] for line in str(caught.value).splitlines()]
+        assert places == ["condition.mach", "condition.gamma_deg"]
     assert sorted(done) == [1, 2, 2, 2]
     assert (os.environ["OMP_NUM_THREADS"], os.getenv("OPENBLAS_NUM_THREADS")) == ("3", None)  # ours is as it was
 
 
 @pytest.mark.parametrize("runs", [0, 1, 9, 10, 11, 20, 21])
 def test_chunk_borders(runs: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a stand-in for the flights: every seed once, in order, at most CHUNK at a time, the rest last."""
+    """With substitutes for the flights: every seed once, in order, at most CHUNK per task, the remainder last."""
     chunks: list[int] = []
 
     def flights(job: Job) -> list[Flown]:
@@ -117,7 +117,7 @@ def test_order_is_that_of_the_seeds_not_of_the_finish(monkeypatch: pytest.Monkey
 
 
 class _Held(Executor):
-    """An executor that ends the first task as it is told, and begins no other."""
+    """An executor that completes the first task with ``end`` and starts no other."""
 
     def __init__(self, end: Callable[[Future[Any]], None]) -> None:
         self.end, self.futures = end, list[Future[Any]]()
@@ -180,7 +180,7 @@ def test_histories_of_one_flight_are_the_flight() -> None:
 
 
 def test_histories_of_what_is_infinite_at_first() -> None:
-    """As the bound of K is before anything is known of it: flights are counted by their length, nothing is warned of."""
+    """Infinite values, as in the bound of K without information: flights are counted by their length, without warnings."""
     mean, std, flying = histories(_flown([np.inf, 1.0, 3.0], [np.inf, 3.0]), "x")
     assert (mean.tolist(), flying.tolist()) == ([np.inf, 2.0, 3.0], [2, 2, 1])
     assert np.isnan(std[0])

@@ -26,7 +26,7 @@ FILES = sorted(p for folder in ("flightbed", "benchmarks", "examples", "tests") 
 
 
 def _is_summary(node: ast.expr) -> bool:
-    """Tell whether an expression is named as a summary: ``summary``, ``x_summary``, ``x.summary``."""
+    """Return whether an expression is named as a summary: ``summary``, ``x_summary``, ``x.summary``."""
     name = node.id if isinstance(node, ast.Name) else node.attr if isinstance(node, ast.Attribute) else ""
     return name == "summary" or name.endswith("_summary")
 
@@ -122,7 +122,7 @@ LATER = (
 
 
 def _version_0_1(summary: RunSummary) -> dict[str, Any]:
-    """Return the metrics.json of an early 0.1: without the keys that came later, with one that is gone."""
+    """Return the metrics.json of an early 0.1: without the later keys, with a removed one."""
     early: dict[str, Any] = json.loads(json.dumps(summary.to_dict()))
     for key in LATER:
         del early[key]

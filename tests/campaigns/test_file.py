@@ -1,4 +1,4 @@
-"""Campaign files: what they say is what is flown; every problem at once; seeds and draws that depend on nothing else."""
+"""Campaign files: flights follow the file; all problems at once; seeds and draws depend only on campaign seed, index and key."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_a_drawn_value_depends_on_its_key_and_not_on_other_axes(tmp_path: Path) 
 
 
 def test_draws_have_their_distribution() -> None:
-    """Of 2000 the share below a quantile lies within its exact interval around what it is (of ours, these seeds: it does)."""
+    """For 2000 draws the share below a quantile lies within the exact interval around its probability (true for these seeds)."""
     normal = AxisSettings.model_validate({"key": "x", "distribution": "normal", "mean": 1.0, "std": 0.5, "low": 1.0})
     uniform = AxisSettings.model_validate({"key": "x", "distribution": "uniform", "low": -2, "high": 2})
     for axis, quantile in ((normal, 1.0 + 0.5 * 0.6744897501960817), (uniform, 0.0)):
@@ -106,8 +106,8 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
             tmp_path,
             HEAD.replace("runs", "rnus") + '[[axes]]\nkey = "condition.mach"\nvalue = [1]\n[traces]\nkeep = "all"\n',
         )
-    told = [line.removeprefix(f"{tmp_path}/mine.toml: ") for line in caught.value.problems]
-    assert told == [
+    lines = [line.removeprefix(f"{tmp_path}/mine.toml: ") for line in caught.value.problems]
+    assert lines == [
         "runs: is missing",
         "unknown key axes.0.value; did you mean values?",
         "traces.keep: must be 'none', 'worst' or 'chosen' (got 'all')",
@@ -124,13 +124,13 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
         (DRAWN.replace("high = 1.3", "high = 0.8"), "axes.0: low must be below high (got 0.9 and 0.8)"),
         (DRAWN.replace("mean = 1.0", "mean = 2.0"), "axes.0: mean must lie between low and high (got 2)"),
         (MACH + MACH, "axes: condition.mach is varied twice"),
-        (MACH + '[histories]\nkeep = "chosen"\n', "histories: points go with keep = 'chosen', which needs them"),
-        (MACH + '[histories]\npoints = [0]\n', "histories: points go with keep = 'chosen', which needs them"),
+        (MACH + '[histories]\nkeep = "chosen"\n', "histories: points and keep = 'chosen' need each other; give both or neither"),
+        (MACH + '[histories]\npoints = [0]\n', "histories: points and keep = 'chosen' need each other; give both or neither"),
         (MACH + '[histories]\nkeep = "chosen"\npoints = [0, 9]\n', "histories.points: must be below 2, the number of points (got 9)"),
         (MACH.replace("0.8", "-1.0"), "axes.0: condition.mach: must be above 0 and at most 1000000 (got -1.0)"),
         (MACH.replace("condition.mach", "condition.mch"), "axes.0: unknown key condition.mch; did you mean mach?"),
         (MACH.replace("condition.mach", "failures.3.to"), "axes.0: failures.3.to: '3' must be an index from 0 to 1 (1 adds one)"),
-        (MACH.replace("condition.mach", "seed"), "axes.0.key: 'seed' cannot be varied; name a single number or word of a flight"),
+        (MACH.replace("condition.mach", "seed"), "axes.0.key: 'seed' cannot be varied; name the key of a single number or text"),
         (MACH.replace("condition.mach", "failures.0.over_s"), "axes.0.key: failures.0.over_s has no effect with failures.0.kind = 'effectiveness'"),
         ('[[criteria]]\nmetric = "departd"\nequals = false\n', "criteria.0.metric: there is no metric 'departd'; did you mean departed?"),
         ('[[criteria]]\nmetric = "departed"\n', "criteria.0: needs equals, min or max"),
@@ -216,7 +216,7 @@ def test_a_campaign_is_written_as_it_is_read(tmp_path: Path) -> None:
 
 
 def test_flights_of_a_campaign_have_the_same_estimates(tmp_path: Path) -> None:
-    """They are columns of the table: with roll and yaw in some flights alone there would be others."""
+    """Estimates are columns of the table: roll and yaw in only some flights would change the columns."""
     (tmp_path / "base.toml").write_text(rolling(["failures=[]"]).to_toml())
     text = HEAD.replace("elevator-loss", str(tmp_path / "base.toml"))
     with pytest.raises(ScenarioError) as caught:

@@ -1,4 +1,4 @@
-"""The folder of a campaign: kills, full disks, interrupts and errors lose nothing but what was in the air; the rest is flown to the same table."""
+"""The folder of a campaign: kills, full disks, interrupts and errors lose only unfinished chunks; the resumed campaign gives the same table."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def programme() -> Programme:
 
 @pytest.fixture(scope="module")
 def whole(programme: Programme, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a campaign that nothing has disturbed."""
+    """The folder of a campaign without interruption."""
     return campaigns.run(programme, tmp_path_factory.mktemp("whole") / "x", workers=1)[1]
 
 
@@ -76,7 +76,7 @@ def _assert_the_same(folder: Path, whole: Path) -> None:
 
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Numbers of the chunks that were flown."""
+    """Numbers of the chunks in flight order."""
     numbers: list[int] = []
 
     def flying(chunk: Chunk) -> ChunkResult:
@@ -89,7 +89,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def _fly_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have no processes: what a test puts in the place of something is not known there."""
+    """Fly in this process: other processes do not know the test's replacements."""
     monkeypatch.setattr(campaigns, "opener", lambda *_: lambda: nullcontext(None))
 
 
@@ -163,7 +163,7 @@ def test_a_torn_line_is_flown_again_and_nothing_else(
 
 
 class _Backwards(Executor):
-    """Does everything at once, and gives the results in the reverse order."""
+    """Runs all tasks at once, and returns the results in reverse order."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         future: Future[Any] = Future()
@@ -211,7 +211,7 @@ def test_histories_that_were_merged_before_their_rows_were_kept_count_once(
 def test_a_full_disk_is_one_clear_line_and_loses_nothing(
     programme: Programme, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at: int
 ) -> None:
-    """It fills up when the second chunk is kept, or the last."""
+    """The disk is full when the second chunk is stored, or the last."""
     out, calls = tmp_path / "x", list[int]()
 
     def full(number: int) -> None:
@@ -254,7 +254,7 @@ def test_a_disk_that_is_full_at_the_end_leaves_an_unfinished_campaign_without_a_
 def test_the_folder_of_another_campaign_is_refused(programme: Programme, whole: Path, tmp_path: Path) -> None:
     other = plain(load_scenario("elevator-loss", [*SHORT, "failures.0.to=0.3"]), RUNS)
     longer = plain(load_scenario("elevator-loss", SHORT), RUNS + 1)
-    for wanted, told in (
+    for wanted, message in (
         (
             other,
             f"holds campaign 'elevator-loss' ({RUNS} flights) with other settings, aircraft or versions; name another folder",
@@ -266,7 +266,7 @@ def test_the_folder_of_another_campaign_is_refused(programme: Programme, whole: 
     ):
         with pytest.raises(InputError) as caught:
             campaigns.run(wanted, whole, resume=True)
-        assert told in str(caught.value)
+        assert message in str(caught.value)
     with (
         journal(tmp_path / "x", programme, replace=True, resume=False),
         pytest.raises(OutputError, match="another process is flying this campaign"),
@@ -347,7 +347,7 @@ MANY = ["campaign", "elevator-loss", "--runs", "90", *LONGER, "--out", "x"]
 
 @contextmanager
 def started(*arguments: str, cwd: Path, rows: int) -> Iterator[subprocess.Popen[str]]:
-    """A campaign that has kept so many rows; killed at the end if it still lives."""
+    """A campaign with this number of stored rows; killed at the end if it still runs."""
     process = subprocess.Popen(
         [*COMMAND, *arguments],
         cwd=cwd,
@@ -369,7 +369,7 @@ def started(*arguments: str, cwd: Path, rows: int) -> Iterator[subprocess.Popen[
 
 
 def workers_of(process: subprocess.Popen[str]) -> list[int]:
-    """Return the process numbers of the workers that a command has started."""
+    """Return the process numbers of a command's workers."""
     found = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -384,7 +384,7 @@ def workers_of(process: subprocess.Popen[str]) -> list[int]:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The table of MANY, flown here and now."""
+    """The table of MANY, flown in this process."""
     flights = load_programme("elevator-loss", LONGER[1::2], 90)
     return campaigns.run(flights, tmp_path_factory.mktemp("many") / "x", workers=1)[1]
 

@@ -1,4 +1,4 @@
-"""Flights that kill the process that flies them: the same row in the same table, whoever flies; their neighbours are as if they were alone."""
+"""Flights that end their process: the same row in the same table on any workers; other flights are not affected."""
 
 from __future__ import annotations
 
@@ -16,7 +16,16 @@ from flightbed.campaigns import run as campaigns
 from flightbed.campaigns.file import load_programme
 from flightbed.campaigns.plan import Programme
 from flightbed.campaigns.table import Row
-from flightbed.campaigns.worker import KILLS, Chunk, ChunkResult, chunk_of, fly_chunk, joined, killed, single_flights
+from flightbed.campaigns.worker import (
+    DEATH_ERROR,
+    Chunk,
+    ChunkResult,
+    chunk_of,
+    fly_chunk,
+    join_flights,
+    killed_result,
+    single_flights,
+)
 from flightbed.parallel.executor import opener
 from flightbed.runs.run import fly
 from flightbed.scenario.reading import load_scenario
@@ -27,8 +36,7 @@ SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]
 NAME = "deadly.py:Deadly"
 CODE = """
 import os, signal
-from flightbed.estimation.loop_gain import LoopGain
-from flightbed.estimation.loop_gain.estimator import loop_gain_config
+from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
 
 
 class Deadly:
@@ -48,7 +56,7 @@ class Deadly:
 
 @pytest.fixture
 def deadly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Programme]]:
-    """Makes a programme of which one flight kills: by what its first reading is, which no other flight's is."""
+    """Return a programme in which one flight ends its process; its first reading, which no other flight has, identifies it."""
     (tmp_path / "deadly.py").write_text(CODE)
     monkeypatch.chdir(tmp_path)
     reading = next(iter(fly(load_scenario("elevator-loss", [*SHORT, f"seed={VICTIM}"])))).measurement.alpha_rad
@@ -63,21 +71,21 @@ def deadly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
 
 @cache
 def _expected() -> list[Row]:
-    """The rows of flights that kill nobody, but for the victim's."""
+    """Rows of all flights except the victim's."""
     return list(campaigns.fly(load_scenario("elevator-loss", SHORT), RUNS).rows)
 
 
 def _assert_as_expected(folder: Path) -> None:
     table = pq.read_table(folder / "table.parquet").to_pylist()
-    assert [row["error"] for row in table] == [KILLS if i == VICTIM else None for i in range(RUNS)]
+    assert [row["error"] for row in table] == [DEATH_ERROR if i == VICTIM else None for i in range(RUNS)]
     assert table[VICTIM]["departed"] is table[VICTIM]["scheduled.final"] is None
     assert len({row["hash"] for row in table} - {None}) == RUNS
     for row, expected in zip(table, _expected(), strict=True):
         if row["index"] != VICTIM:
             assert {**row, "hash": None} == {**expected, "hash": None}
-    told = json.loads((folder / "summary.json").read_text())
-    assert (told["errors"], told["flights"]) == (1, RUNS)
-    assert f"1 of {RUNS} flights failed: {KILLS}" in (folder / "report.html").read_text()
+    stored = json.loads((folder / "summary.json").read_text())
+    assert (stored["errors"], stored["flights"]) == (1, RUNS)
+    assert f"1 of {RUNS} flights failed: {DEATH_ERROR}" in (folder / "report.html").read_text()
 
 
 @pytest.mark.parametrize(("workers", "how"), [(1, "exit"), (2, "signal")])
@@ -124,7 +132,7 @@ def test_on_a_dask_cluster_whose_nannies_begin_dead_workers_anew(
 def test_flights_flown_one_by_one_are_those_of_their_chunk() -> None:
     programme = load_programme("elevator-loss", SHORT, 4)
     chunk = chunk_of(programme, 0)
-    together, alone = fly_chunk(chunk), joined([fly_chunk(one) for one in single_flights(chunk)])
+    together, alone = fly_chunk(chunk), join_flights([fly_chunk(one) for one in single_flights(chunk)])
     assert alone.rows == together.rows
     assert alone.parts.keys() == together.parts.keys()
     for name, array in together.parts[0].arrays().items():
@@ -133,11 +141,11 @@ def test_flights_flown_one_by_one_are_those_of_their_chunk() -> None:
 
 def test_the_hash_of_a_flight_that_kills_is_that_of_the_flight() -> None:
     chunk = single_flights(chunk_of(load_programme("elevator-loss", SHORT, 2), 0))[1]
-    assert killed(chunk).rows[0]["hash"] == fly_chunk(chunk).rows[0]["hash"]
+    assert killed_result(chunk).rows[0]["hash"] == fly_chunk(chunk).rows[0]["hash"]
 
 
 def test_a_process_that_dies_once_blames_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As of one that somebody kills, or that runs out of memory that two needed together: alone, the flight flies."""
+    """A worker killed from outside, or out of memory that two tasks needed together: the flight succeeds when it runs alone."""
     monkeypatch.setattr(campaigns, "fly_chunk", _dies_where_it_is_not_alone)
     _, folder = campaigns.run(load_programme("elevator-loss", SHORT, RUNS), tmp_path / "x", workers=2)
     monkeypatch.undo()

@@ -1,4 +1,4 @@
-"""Campaigns: the same numbers as flights flown one by one, on any workers; the worst flies again; whole or not at all."""
+"""Campaigns: equal to flights flown one by one, on any workers; the worst flight is repeated; folders are written atomically."""
 
 from __future__ import annotations
 
@@ -127,15 +127,15 @@ def test_the_summary_is_medians_with_intervals(folder: Path, flown: Campaign) ->
     assert (found["flights"], found["first_seed"], found["departed"]["count"]) == (RUNS, 7, 0)
     gone = share(0, RUNS)
     assert (found["departed"]["low"], found["departed"]["high"]) == (gone.low, gone.high)
-    for told, column in (
+    for stored, column in (
         (found["tracking_rms_post_deg_s"], "tracking_rms_post_deg_s"),
         (found["estimators"]["scheduled"]["nis_mean"], "scheduled.nis_mean"),
     ):
         values = [float(row[column]) for row in rows]  # type: ignore[arg-type]
         middle = median_interval(values)
-        assert (told["median"], told["low"], told["high"]) == (middle.estimate, middle.low, middle.high)
-        assert told["low"] > min(values) - 1e-12
-        assert told["flights"] == RUNS
+        assert (stored["median"], stored["low"], stored["high"]) == (middle.estimate, middle.low, middle.high)
+        assert stored["low"] > min(values) - 1e-12
+        assert stored["flights"] == RUNS
     assert "detected_at_s" not in found["estimators"]["expanding"]  # it tests for no change
     assert found["estimators"]["scheduled"]["detected_at_s"]["flights"] == RUNS
 
@@ -247,9 +247,9 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     short = [text for o in ("duration_s=0.4", "failures.0.at_s=0.1") for text in ("--set", o)]
     done = flightbed("campaign", "elevator-loss", "--runs", "2", "--workers", "1", "--json", *short, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told.pop("folder") == "campaigns/elevator-loss"
-    assert told == _summary(tmp_path / "campaigns" / "elevator-loss")
+    stored = json.loads(done.stdout)
+    assert stored.pop("folder") == "campaigns/elevator-loss"
+    assert stored == _summary(tmp_path / "campaigns" / "elevator-loss")
 
 
 def test_what_a_terminal_shows(flown: Campaign) -> None:

@@ -28,14 +28,14 @@ from flightbed.cli import main as cli
 from flightbed.config import families
 from flightbed.config.kinds import EstimatorSettings
 from flightbed.config.options import Options
-from flightbed.config.own_code import at_hand, load, permits, using
+from flightbed.config.own_code import load, names_without_option, use_options, using
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
 from flightbed.failures.base import HealthHistory
 from flightbed.report.flight_report import rerun_command
 from flightbed.runs.run import run
-from flightbed.scenario.own_code import check_named, named_by
+from flightbed.scenario.own_code import check_named, named_extensions
 from flightbed.scenario.reading import load_scenario
 from tests.command_line import flightbed as command_line
 
@@ -272,7 +272,7 @@ def _late_line() -> int:
 def test_classes_given_in_python_fly_under_a_name() -> None:
     with using({"still": Still, "also": lambda settings, onboard: Still(settings, onboard)}):
         scenario = load_scenario("nominal", [*QUICK, "estimators.0.kind=still", "estimators.0.options.k=0.25", "estimators.1={name='b', kind='also'}"])  # fmt: skip
-        assert [own.name for own in named_by(scenario)] == ["still", "also"]
+        assert [own.name for own in named_extensions(scenario)] == ["still", "also"]
         result = flightbed.run(scenario)
         assert result.trace["b.effectiveness"].tolist() == [1.0] * 20
     assert [own.name for own in result.summary.extensions] == ["still", "also"]
@@ -555,7 +555,7 @@ def test_a_nan_of_the_correcting_estimator_is_an_error() -> None:
     with using({"bad": _says_nan}):
         with pytest.raises(EstimateError, match="estimators.0: smoothed K is nan at t = 0 s"):
             run(load_scenario("nominal", keys))
-        beside = run(load_scenario("nominal", [*keys, "adaptation.enabled=false"]))  # hurts nobody
+        beside = run(load_scenario("nominal", [*keys, "adaptation.enabled=false"]))  # harmless
     assert beside.summary.metrics.estimators["scheduled"].nis_expected == 2.0
 
 
@@ -564,7 +564,7 @@ def test_a_failure_with_nan_is_an_error() -> None:
         return lambda tick: before(tick)._replace(effectiveness=float("nan")) if tick >= 20 else before(tick)
 
     keys = ["failures.0.kind=bad", "failures.0.at_s=0.2", "duration_s=0.5", "adaptation.enabled=false"]
-    with using({"bad": nothing}), pytest.raises(ExtensionError, match="no number from 0.2 s on"):
+    with using({"bad": nothing}), pytest.raises(ExtensionError, match="the health is not finite from t = 0.2 s"):
         run(load_scenario("elevator-loss", keys))
 
 
@@ -582,9 +582,11 @@ def test_a_file_that_changes_before_a_worker_loads_it_is_an_error(
 
 def test_the_command_that_flies_it_again_is_quoted_and_honest() -> None:
     names = ["my dir/est.py:E", "at-hand"]
-    assert permits(names) == " --use 'my dir/est.py:E'"
-    assert at_hand(names) == ["at-hand"]
-    page = rerun_command("schema = 1", permits(names), {"python": "3", "flightbed": "1"}, at_hand(names))
+    assert use_options(names) == " --use 'my dir/est.py:E'"
+    assert names_without_option(names) == ["at-hand"]
+    page = rerun_command(
+        "schema = 1", use_options(names), {"python": "3", "flightbed": "1"}, names_without_option(names)
+    )
     assert any("'at-hand' was given in Python, and no command can name it" in text for text in page.text)
 
 

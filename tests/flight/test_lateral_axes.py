@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flightbed.aircraft.overlay import load_aircraft
-from flightbed.analysis.events import why_departed
+from flightbed.analysis.events import departure_reason
 from flightbed.analysis.metrics import SETTLING_S, measure
 from flightbed.analysis.result import Result
 from flightbed.analysis.trace import collect, from_rows, read_trace, true_share
@@ -193,7 +193,7 @@ def test_a_large_sideslip_is_a_departure() -> None:
     assert len(trace) == 52
     measured = measure(trace, alpha_trim_deg=trace["alpha_deg"][0], failed_at_s=None)
     assert (measured.departed, measured.departed_at_s) == (True, 0.51)
-    assert why_departed(trace) == "sideslip more than 25 deg"
+    assert departure_reason(trace) == "sideslip more than 25 deg"
     assert not measure(
         trace.with_column("beta_deg", 0.9 * trace["beta_deg"]), alpha_trim_deg=0.8, failed_at_s=None
     ).departed

@@ -11,7 +11,7 @@ from flightbed.aircraft.overlay import Aircraft
 from flightbed.analysis.comparison import load_runs
 from flightbed.analysis.pull_up import PullUp, command_g, increment_g, pull_up
 from flightbed.analysis.result import fly_plan
-from flightbed.analysis.summary_text import run_card
+from flightbed.analysis.summary_text import run_text
 from flightbed.analysis.trace import Trace
 from flightbed.campaigns import run as campaigns
 from flightbed.campaigns.report.headline import headline
@@ -232,12 +232,12 @@ def test_the_metrics_of_a_flight_in_g_are_in_g(tmp_path: Path) -> None:
     assert summary.metrics.tracking_rms_post_nz_g == pytest.approx(np.sqrt(np.mean(error[late] ** 2)))
     assert summary.metrics.tracking_rms_post_deg_s is None
     one = pull_up(trace.columns, control_hz=100, ticks=1800)
-    told = [
+    expected = [
         getattr(summary.metrics, f"pull_up_{key}")
         for key in ("overshoot", "undershoot", "disturbance_g", "flutter_deg")
     ]
-    assert told == [one.overshoot, one.undershoot, one.disturbance_g, one.flutter_deg]
-    assert "nz - nz_ref" in run_card(result.plan.scenario, summary)
+    assert expected == [one.overshoot, one.undershoot, one.disturbance_g, one.flutter_deg]
+    assert "nz - nz_ref" in run_text(result.plan.scenario, summary)
     page = (tmp_path / "run" / "report.html").read_text()
     assert "RMS of nz - reference" in page
     assert "pull_up_overshoot" in page

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from flightbed.analysis.events import events
 from flightbed.analysis.punctuality import Spell, late_spells, punctuality, with_timings
-from flightbed.analysis.summary_text import kept_pace, run_card
+from flightbed.analysis.summary_text import pace_text, run_text
 from flightbed.analysis.trace import Trace, read_trace
 from flightbed.config import families
 from flightbed.flight.pacing import Timing, WallClock, paced
@@ -243,11 +243,11 @@ def test_late_ticks_are_events_and_many_are_one(seconds: int, expected: list[tup
     assert [(t, text) for t, text, _ in happened if "late" in text] == expected
     kept = result.summary.realtime
     assert kept is not None
-    assert kept_pace(kept, seconds) == (
+    assert pace_text(kept, seconds) == (
         f"{100 * seconds} ticks at 100 Hz: {2 * seconds} late (2.00%), worst by 12 ms; "
         "jitter p95 0, max 22 ms; compute p50 0, p99 0 ms"
     )
-    assert f"- real time: {kept_pace(kept, seconds)}\n" in run_card(result.plan.scenario, result.summary)
+    assert f"- real time: {pace_text(kept, seconds)}\n" in run_text(result.plan.scenario, result.summary)
 
 
 def test_on_the_wall_clock_no_tick_begins_early_and_a_flight_takes_its_time(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The executor: each task runs once, few tasks ahead, a task that ends its workers is found; a real dask scheduler gives the same table."""
+"""The executor: each task runs once, few tasks ahead, a task that ends its workers is identified; a dask scheduler gives the same table."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_every_task_is_done_once(threads: int) -> None:
 
 
 class _Dies(Executor):
-    """Does what it is told at once, but tasks of some numbers kill, so many times; notes what was asked of it."""
+    """Run each task at once, except those in ``killers``, which kill their worker that many times; records the tasks."""
 
     def __init__(self, killers: dict[int, int], error: Exception | None = None) -> None:
         self.killers, self.error = dict(killers), error or BrokenExecutor("a worker died")
@@ -59,7 +59,7 @@ class _Dies(Executor):
         return future
 
 
-def test_who_kills_whenever_it_is_done_is_lost_and_nobody_else() -> None:
+def test_only_a_task_that_kills_every_time_is_lost() -> None:
     always, once, thrice = 17, 3, 40
     dies = _Dies({always: 99, once: 1, thrice: 3})  # the last with one death of the task and two of its part
     found = sorted(results(range(60), WORK, dies, ahead=5))
@@ -68,21 +68,21 @@ def test_who_kills_whenever_it_is_done_is_lost_and_nobody_else() -> None:
     assert all(dies.asked.count(n) == 1 for n in range(60) if n not in (always, once, thrice))
 
 
-def test_a_suspect_is_taken_apart_and_done_alone() -> None:
-    """Tasks are pairs: only the part that kills is lost, and while parts are done nothing else is in hand."""
+def test_the_parts_of_a_suspect_run_alone() -> None:
+    """Tasks are pairs: only the part that kills is lost, and no other task runs beside a part."""
     pairs = Work[tuple[int, ...], int](
         sum, lambda pair: [(n,) for n in pair], lambda found: sum(found), lambda one: -1000 * one[0]
     )
     waiting: list[Future[Any]] = []
 
     class Later(Executor):
-        """Ends tasks when they are looked at, so that it is known what else is in hand."""
+        """Completes tasks when they are polled, so that the test knows the other submitted tasks."""
 
         def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
             (task,) = args
             future: Future[Any] = Future()
             if len(task) == 1:
-                assert all(f.done() for f in waiting), "a part is done beside something else"
+                assert all(f.done() for f in waiting), "a part runs beside another task"
             waiting.append(future)
             if 3 in task:
                 future.set_exception(BrokenExecutor())
@@ -166,7 +166,7 @@ def _ends() -> None:
 
 
 class _Waits(Executor):
-    """Ends no task but the second and later ones: the first is slow."""
+    """Completes the second and later tasks, but not the first."""
 
     def __init__(self) -> None:
         self.futures: list[Future[Any]] = []
@@ -180,7 +180,7 @@ class _Waits(Executor):
 
 
 def test_it_is_never_too_far_ahead_of_a_slow_task_and_cancels_what_is_left() -> None:
-    """So memory for results that wait for an earlier one is bounded, whatever the number of tasks."""
+    """This bounds the memory of results that wait for an earlier one, for any number of tasks."""
     slow = _Waits()
     found = results(range(1000), WORK, slow, ahead=8)
     assert sorted(next(found)[0] for _ in range(7)) == [1, 2, 3, 4, 5, 6, 7]
@@ -217,9 +217,9 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_table(tmp_path: Path)
     pytest.importorskip("distributed")
     with dask_cluster.scheduler(tmp_path) as address:
         command = ["campaign", "elevator-loss", "--runs", "60", *LONGER, "--out", "x", "--scheduler", address]
-        nobody = flightbed(*command, cwd=tmp_path)
-        assert (nobody.returncode, nobody.stderr.count("\n")) == (2, 1), nobody.stderr
-        assert f"--scheduler {address}: has no workers; start some, dask worker {address}\n" in nobody.stderr
+        done = flightbed(*command, cwd=tmp_path)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+        assert f"--scheduler {address}: has no workers; start some, dask worker {address}\n" in done.stderr
         assert not (tmp_path / "x").exists()
         with (
             dask_cluster.workers(address, tmp_path, "--no-nanny") as workers,

@@ -1,4 +1,4 @@
-"""Processes that die: whenever that is, their task fails, and nothing waits for ever."""
+"""Processes that die: at any time their task fails, and no task waits for ever."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TASKS = 200
 
 
 def _large(number: int) -> tuple[int, np.ndarray[tuple[int], np.dtype[np.float64]]]:
-    """More than a pipe holds: a kill often meets a result that is written in part."""
+    """More than a pipe holds: a kill often interrupts the writing of a result."""
     return number, np.zeros(60_000)
 
 

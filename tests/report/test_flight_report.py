@@ -62,10 +62,10 @@ def test_the_page_lies_in_the_folder_and_is_small(flown: Result, report: Documen
 def test_all_numbers_are_those_of_metrics_json(flown: Result, report: Document) -> None:
     assert flown.folder is not None
     metrics = json.loads((flown.folder / "metrics.json").read_text())
-    told = {row["metric"]: row for row in _table(report, "estimators")}
-    assert set(told) == set(metrics["estimators"]["scheduled"])
+    table = {row["metric"]: row for row in _table(report, "estimators")}
+    assert set(table) == set(metrics["estimators"]["scheduled"])
     for name, values in metrics["estimators"].items():
-        assert {key: row[name] for key, row in told.items()} == values
+        assert {key: row[name] for key, row in table.items()} == values
     for row in _table(report, "flight"):
         assert row["value"] == metrics[row["metric"]], row
     (key,) = _table(report, "key")
@@ -91,7 +91,7 @@ def test_every_metric_of_an_estimator_has_a_unit_and_a_word() -> None:
 
 def test_the_first_lines_say_what_failed_and_how_it_ended(report: Document) -> None:
     start = words(render(report)).partition("Settings")[0]
-    assert "At 4.5 s the elevator keeps 20% of its effect." in start
+    assert "At 4.5 s the elevator effectiveness steps to 20%." in start
     assert "The proportional law is corrected by 1/K of 'scheduled'. Outcome: flown to 16.5 s." in start
     assert "f16 at Mach 0.8, 20,000 ft, seed 0" in start
 
@@ -260,16 +260,16 @@ def test_a_flight_with_roll_and_yaw_has_figures_and_numbers_of_them() -> None:
         "surfaces": 1.0, "surfaces.aileron": 0.4, "surfaces.rudder": 0.5, "pitch": 1.0,
     }  # fmt: skip
     assert [row["corrects the law"] for row in estimates.values()] == ["yes", "yes", "yes", "no"]
-    told = {p.key: p.facts for p in document.pictures()}
+    facts = {p.key: p.facts for p in document.pictures()}
     assert (
         f"'surfaces.rudder' ends at {metrics.estimators['surfaces.rudder'].final:.3f} (truth 0.500)"
-        in told["effectiveness"]
+        in facts["effectiveness"]
     )
-    assert "above the bound 11.07 in" in told["nis"]  # of five readings
+    assert "above the bound 11.07 in" in facts["nis"]  # of five readings
     worst = np.abs(result.trace["p_deg_s"] - result.trace["p_ref_deg_s"])
-    assert f"largest |p - reference| {worst.max():.2f} deg/s" in told["roll"]
-    assert "stops at -21.5 and +21.5 deg" in told["aileron-and-rudder"]
-    assert "stops at -30 and +30 deg" in told["aileron-and-rudder"]
+    assert f"largest |p - reference| {worst.max():.2f} deg/s" in facts["roll"]
+    assert "stops at -21.5 and +21.5 deg" in facts["aileron-and-rudder"]
+    assert "stops at -30 and +30 deg" in facts["aileron-and-rudder"]
     page = render(document)
     assert_sound(page)
     assert_self_contained(page)

@@ -45,14 +45,14 @@ def test_differences_are_from_the_first(runs: tuple[comparison.Run, ...]) -> Non
     shown = _row(comparison.metrics_table(runs), "RMS from 4.8 s, deg/s")
     rms = list(comparison.tracking(runs)["RMS from 4.8 s, deg/s"])
     assert shown == [f"{rms[0]:.3g}", *(f"{v:.3g} ({v - rms[0]:+.2g})" for v in rms[1:])]
-    told = comparison.to_dict(runs)["differences"]["elevator-loss-fixed"]
-    assert not {"scenario", "seed", "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s"} & set(told)
+    differences = comparison.to_dict(runs)["differences"]["elevator-loss-fixed"]
+    assert not {"scenario", "seed", "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s"} & set(differences)
     nis = [r.summary.metrics.estimators["scheduled"].nis_mean for r in runs]
-    assert told["estimators"]["scheduled"]["nis_mean"] == nis[2] - nis[0]
+    assert differences["estimators"]["scheduled"]["nis_mean"] == nis[2] - nis[0]
 
 
 def test_tracking_is_over_the_same_time_in_all_runs(runs: tuple[comparison.Run, ...]) -> None:
-    """The flights with and without a failure are the same until it: so is their tracking."""
+    """The flights with and without a failure are equal until its onset, and so is their tracking."""
     before, after = comparison.tracking(runs).values()
     assert list(comparison.tracking(runs)) == ["RMS before 4.5 s, deg/s", "RMS from 4.8 s, deg/s"]
     assert before[0] == before[1] == runs[1].summary.metrics.tracking_rms_pre_deg_s
@@ -131,7 +131,7 @@ def test_runs_without_estimators_and_of_other_aircraft_are_compared(tmp_path: Pa
     run(load_scenario("nominal", bare), tmp_path / "bare", rerun=False)
     run(load_scenario("thesis-loss", ["duration_s=5"]), tmp_path / "linear", rerun=False)
     read = comparison.load_runs([tmp_path / "bare", tmp_path / "linear"])
-    assert read[0].watched is None
+    assert read[0].estimator is None
     assert "Compared" in render(comparison_report(read))
 
 
@@ -181,10 +181,12 @@ def test_the_command_leaves_a_folder(compared: tuple[Path, str], runs: tuple[com
     place, printed = compared
     folder = place / "comparisons" / "nominal-elevator-loss-elevator-loss-fixed"
     assert {p.name for p in folder.iterdir()} == {"comparison.json", "comparison.rrd", "report.html"}
-    told = json.loads(printed)
-    assert Path(told.pop("folder")) == folder.relative_to(place)
+    stored = json.loads(printed)
+    assert Path(stored.pop("folder")) == folder.relative_to(place)
     assert (
-        told == json.loads((folder / "comparison.json").read_text()) == json.loads(json.dumps(comparison.to_dict(runs)))
+        stored
+        == json.loads((folder / "comparison.json").read_text())
+        == json.loads(json.dumps(comparison.to_dict(runs)))
     )
     assert recording_of(folder) == folder / "comparison.rrd"
 
@@ -193,7 +195,7 @@ def test_an_earlier_comparison_is_replaced_and_nothing_else(folders: list[Path],
     for _ in range(2):
         done = flightbed("compare", *map(str, folders[:2]), "--out", "both", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
-    assert "In brackets the difference from the first run." in " ".join(done.stdout.split())
+    assert "In brackets: difference from the first run." in " ".join(done.stdout.split())
     (tmp_path / "both" / "mine.txt").write_text("keep")
     done = flightbed("compare", *map(str, folders[:2]), "--out", "both", cwd=tmp_path)
     assert done.returncode == 2
@@ -240,13 +242,13 @@ def test_the_viewer_shows_it_without_complaint(compared: tuple[Path, str]) -> No
 
 
 def test_runs_with_roll_and_yaw_are_compared_with_one_without(tmp_path: Path) -> None:
-    """Tracking of p and beta, K of each surface against its own truth; of the run without them nothing."""
-    run(rolling(), tmp_path / "told", rerun=False)
+    """Tracking of p and beta, K of each surface against its own truth; no such values for the run without roll and yaw."""
+    run(rolling(), tmp_path / "oracle", rerun=False)
     run(rolling(["adaptation.enabled=false", "failures.1.to=0.7"]), tmp_path / "fixed", rerun=False)
     run(load_scenario("nominal", ["duration_s=5"]), tmp_path / "pitch", rerun=False)
-    done = flightbed("compare", "told", "fixed", "pitch", "--out", "all", cwd=tmp_path)
+    done = flightbed("compare", "oracle", "fixed", "pitch", "--out", "all", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    read = comparison.load_runs([tmp_path / name for name in ("told", "fixed", "pitch")])
+    read = comparison.load_runs([tmp_path / name for name in ("oracle", "fixed", "pitch")])
     assert [r.lateral for r in read] == [True, True, False]
     rms = comparison.tracking(read)
     assert [text for text in rms if " of " in text] == [
@@ -259,8 +261,8 @@ def test_runs_with_roll_and_yaw_are_compared_with_one_without(tmp_path: Path) ->
     assert not [text for text in comparison.tracking(read[2:] * 2) if " of " in text]
     table = comparison.metrics_table(read)
     assert ["surfaces.aileron", "", "", ""] in table.rows
-    told = comparison.to_dict(read)["differences"]["fixed"]
-    assert not [key for key in told if key.startswith("tracking_rms")]
+    differences = comparison.to_dict(read)["differences"]["fixed"]
+    assert not [key for key in differences if key.startswith("tracking_rms")]
     recording = tmp_path / "all" / "comparison.rrd"
     for entity, column, names in (
         ("/roll_rate", "p_deg_s", ("1_told", "2_fixed")),

@@ -1,4 +1,4 @@
-"""Folders of studies: whole or not at all, and nothing of anyone's is lost."""
+"""Folders of studies: written atomically, and the user's files are never lost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whole flights on the nonlinear aircraft, and what they leave behind."""
+"""Complete flights on the nonlinear aircraft, and their folders."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_nothing_fails_nothing_departs() -> None:
 
 
 def test_level_flight_shows_the_loss_without_dither() -> None:
-    """No command at all: absolute deflection makes K observable; the adaptive aircraft stays, the fixed one goes."""
+    """No command at all: absolute deflection makes K observable; the adaptive aircraft stays controlled, the one with the fixed law departs."""
     adaptive = run(load_scenario("straight-and-level"))
     assert adaptive.metrics.estimators["scheduled"].rms_error_smoothed_post < 0.05
     assert np.abs(adaptive.trace["alpha_deg"] - adaptive.trace["alpha_deg"][0]).max() < 1.0
@@ -168,7 +168,7 @@ def test_a_cg_shift_acts_at_its_tick_and_not_before() -> None:
 
 
 def test_what_a_force_alone_does() -> None:
-    """The moment stays: K is 1 and the estimator has nothing to find, but the flight is another."""
+    """The moment is unchanged: K is 1 without a change to detect, but the flight differs."""
     kind = ["failures.0.kind=structural", "failures.0.at_s=2", "failures.0.to=1", "failures.0.force_to=0"]
     hurt, healthy = (run(load_scenario("nominal", [*o, "duration_s=5"])) for o in (kind, []))
     assert np.array_equal(hurt.trace["q_deg_s"][:201], healthy.trace["q_deg_s"][:201])
@@ -195,7 +195,7 @@ def test_gusts_are_flown_told_and_no_part_of_the_trim() -> None:
 
 
 def test_gusts_leave_the_turbulence_as_it_is() -> None:
-    """The same seed, the same turbulence: what a gust adds in rough air is what it adds in calm air, to a few per cent."""
+    """With the same seed the turbulence is the same: the effect of a gust in turbulence equals that in calm air within a few per cent."""
     gust = ["gusts.0.at_s=0.5", "gusts.0.up_fps=5", "gusts.0.rise_s=0.2", "command.kind=none", "duration_s=1.5"]
     gust += ["adaptation.enabled=false", "estimators=[]", "sensors.q_std_deg_s=1e-9", "sensors.alpha_std_deg=1e-9"]
     added = []
@@ -240,7 +240,7 @@ def test_the_sensors_are_as_noisy_as_the_scenario_says(flown: Result) -> None:
 
 
 def test_the_seed_reaches_the_air() -> None:
-    """Two seeds fly through different turbulence: with perfect sensors the difference can only be the air."""
+    """Two seeds fly through different turbulence: with perfect sensors only the air can cause the difference."""
     calm = ["atmosphere.turbulence=moderate", "sensors.q_std_deg_s=1e-9", "sensors.alpha_std_deg=1e-9", "duration_s=2"]
     calm += ["adaptation.enabled=false", "command.kind=none", "estimators=[]"]
     one, two = (run(load_scenario("nominal", [*calm, f"seed={seed}"])).trace["alpha_deg"] for seed in (1, 2))
@@ -366,7 +366,7 @@ def test_a_failed_write_leaves_the_old_run(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_runs_that_end_at_once_take_a_folder_each(tmp_path: Path) -> None:
-    """Four processes, one name: four whole folders, none overwritten."""
+    """Four processes, one name: four complete folders, none overwritten."""
     code = (
         "import sys, flightbed\n"
         "s = flightbed.load_scenario('nominal', ['duration_s=0.2', 'seed=' + sys.argv[1]])\n"
@@ -409,7 +409,7 @@ def test_a_failure_that_the_flight_does_not_reach_is_not_reported() -> None:
 
 
 def test_a_resolved_scenario_names_the_very_aircraft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Written with an absolute path and a fingerprint: it flies from anywhere, and refuses an aircraft that changed."""
+    """Written with an absolute path and a fingerprint: it flies from any folder, and rejects a changed aircraft."""
     own = tmp_path / "own"
     shutil.copytree(data.find("aircraft", "f16"), own)
     monkeypatch.chdir(tmp_path)

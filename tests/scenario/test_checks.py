@@ -13,7 +13,7 @@ from flightbed.core.errors import ScenarioError
 from flightbed.core.units import DEG
 from flightbed.runs.run import run
 from flightbed.scenario.checks import unused_keys
-from flightbed.scenario.own_code import named_by
+from flightbed.scenario.own_code import named_extensions
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import rolling
 
@@ -136,9 +136,9 @@ def test_external_roll_and_sideslip_commands_are_listed_only_with_lateral_axes()
     keys = ["lateral.roll.kind=mine", "lateral.sideslip.kind=mine", "duration_s=1", "failures=[]"]
     with using({"mine": mine}):
         scenario = rolling(keys)
-        assert [own.name for own in named_by(scenario)] == ["mine"]
+        assert [own.name for own in named_extensions(scenario)] == ["mine"]
         result = run(scenario)
         assert [own.name for own in result.summary.extensions] == ["mine"]
         assert result.trace["p_cmd_deg_s"][60] == pytest.approx(0.1 / DEG)
         assert result.trace["beta_cmd_deg"][60] == pytest.approx(0.1 / DEG)
-        assert named_by(load_scenario("nominal")) == ()
+        assert named_extensions(load_scenario("nominal")) == ()

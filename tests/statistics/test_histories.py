@@ -18,7 +18,7 @@ from flightbed.campaigns import run as campaigns
 from flightbed.campaigns import worker
 from flightbed.campaigns.file import load_programme
 from flightbed.campaigns.histories import Histories
-from flightbed.campaigns.plan import Programme, few, scenario_of
+from flightbed.campaigns.plan import Programme, scenario_of, select_points
 from flightbed.campaigns.report.histories import histories_sections
 from flightbed.campaigns.settings import CampaignSettings
 from flightbed.campaigns.worker import chunk_of
@@ -107,7 +107,7 @@ def _parts(programme: Programme, rng: np.random.Generator) -> tuple[list[dict[in
         chunk = chunk_of(programme, number)
         parts: dict[int, Part] = {}
         for flight in chunk.flights:
-            if flight.index in chunk.remembered:
+            if flight.index in chunk.with_histories:
                 one = Part.of(flights[flight.index], sampled=flight.index in chunk.sampled)
                 histories.add_all(parts, {flight.point: one})
         chunks.append(parts)
@@ -238,11 +238,11 @@ def test_of_many_points_a_few_that_span_the_grid_keep_histories(tmp_path: Path) 
     wide = GRID.replace("values = [0.2, 0.6]", "from = 0.2\nto = 0.95\ncount = 16")
     (tmp_path / "wide.toml").write_text(wide.replace("values = [0.7, 0.8]", "from = 0.6\nto = 0.8\ncount = 8"))
     programme = load_programme(tmp_path / "wide.toml", SHORT)
-    assert len(programme.remembered) == 12
-    values = [programme.points[p] for p in sorted(programme.remembered)]
+    assert len(programme.history_points) == 12
+    values = [programme.points[p] for p in sorted(programme.history_points)]
     for key, ends in (("failures.0.to", (0.2, 0.95)), ("condition.mach", (0.6, 0.8))):
         assert (min(v[key] for v in values), max(v[key] for v in values)) == ends
-    assert len(_grid(tmp_path).remembered) == 4
+    assert len(_grid(tmp_path).history_points) == 4
 
 
 def _settings(**changes: Any) -> CampaignSettings:
@@ -251,16 +251,16 @@ def _settings(**changes: Any) -> CampaignSettings:
 
 
 def test_few_of_many() -> None:
-    grid = few(_settings(lengths=(8, 8)), range(64), 12)
+    grid = select_points(_settings(lengths=(8, 8)), range(64), 12)
     assert sorted({p // 8 for p in grid}) == [0, 4, 7]
     assert sorted({p % 8 for p in grid}) == [0, 2, 5, 7]
     assert len(grid) == 12
-    assert few(_settings(lengths=(40,)), range(40), 5) == [0, 10, 20, 29, 39]
-    assert few(_settings(lengths=(20, 20), combine="paired"), range(20), 3) == [0, 10, 19]
-    assert few(_settings(lengths=(3, 4)), range(12), 12) == list(range(12))
-    assert few(None, [0], 12) == [0]
-    assert few(_settings(lengths=(8, 8)), [1, 5, 9], 2) == [1, 9]  # chosen points have no grid
-    assert 0 < len(few(_settings(lengths=(5, 5, 5)), range(125), 12)) <= 12
+    assert select_points(_settings(lengths=(40,)), range(40), 5) == [0, 10, 20, 29, 39]
+    assert select_points(_settings(lengths=(20, 20), combine="paired"), range(20), 3) == [0, 10, 19]
+    assert select_points(_settings(lengths=(3, 4)), range(12), 12) == list(range(12))
+    assert select_points(None, [0], 12) == [0]
+    assert select_points(_settings(lengths=(8, 8)), [1, 5, 9], 2) == [1, 9]  # chosen points have no grid
+    assert 0 < len(select_points(_settings(lengths=(5, 5, 5)), range(125), 12)) <= 12
 
 
 def test_the_terminal_lists_few_points_within_its_width(tmp_path: Path) -> None:

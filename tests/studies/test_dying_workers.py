@@ -20,7 +20,7 @@ from flightbed.core.errors import InputError
 from flightbed.document.document import Section
 from flightbed.parallel.executor import DEATHS, Opener, opener
 from flightbed.scenario.reading import Scenario, load_scenario
-from flightbed.studies.base import Study, Trials, keyed, reproduce, run_trials
+from flightbed.studies.base import Study, Trials, keyed_part, reproduce, run_trials
 from tests import dask_cluster
 
 RUNS = 24  # three chunks
@@ -28,8 +28,7 @@ SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]
 CODE = '''
 import os, signal, random
 from multiprocessing import parent_process
-from flightbed.estimation.loop_gain import LoopGain
-from flightbed.estimation.loop_gain.estimator import loop_gain_config
+from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
 
 
 def kill_first(marker):
@@ -91,7 +90,7 @@ def _results(dying: ModuleType, folder: Path, executor: Opener | None) -> Mappin
         "flights": Job(_scenario("estimator", folder / "flights"), RUNS, ("q_deg_s",)),
         "trials": Trials(dying.draw, (str(folder / "trials"),), RUNS),
     }
-    reproduce(Study("dying", "Dying", RUNS, lambda _: [keyed(jobs, build)]), RUNS, executor=executor)
+    reproduce(Study("dying", "Dying", RUNS, lambda _: [keyed_part(jobs, build)]), RUNS, executor=executor)
     return found
 
 

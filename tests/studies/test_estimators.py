@@ -183,14 +183,14 @@ def test_a_number_a_flight_is_that_of_its_metrics_where_these_have_one() -> None
     flight, entrants = FLIGHTS[0], ENTRANTS[:2]
     columns = ("t_s", "effectiveness_true", "scheduled.effectiveness_smoothed", "scheduled.effectiveness")
     (flown,) = fly_jobs([Job(QUICK.course.together(flight, entrants), 1, columns)])[0]
-    told = flown.metrics.estimators["scheduled"]
+    metrics = flown.metrics.estimators["scheduled"]
     error = flown.columns["scheduled.effectiveness_smoothed"] - flown.columns["effectiveness_true"]
     assert measures.rms_after(flown.columns["t_s"], error, 4.5 + 0.3) == pytest.approx(
-        told.rms_error_smoothed_post, rel=1e-12
+        metrics.rms_error_smoothed_post, rel=1e-12
     )
     found = measures.estimated([flown], "scheduled", tests=True)
-    assert found.alarm_s == [told.detected_at_s]
-    assert found.final == [pytest.approx(abs(told.final - 0.2), rel=1e-12)]
+    assert found.alarm_s == [metrics.detected_at_s]
+    assert found.final == [pytest.approx(abs(metrics.final - 0.2), rel=1e-12)]
     assert measures.estimated([flown], "scheduled", tests=False).alarm_s is None
 
 
@@ -292,17 +292,17 @@ def test_pieces_are_written_between_their_markers_and_nowhere_else(tool: Any, sm
     page, readme = tmp_path / "estimators.md", tmp_path / "README.md"
     page.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
     readme.write_text(README.read_text(encoding="utf-8"), encoding="utf-8")
-    told = tool.pieces(_document(smoke))
-    tool.write(told, page=page, readme=readme)
-    for path, original, names in ((page, PAGE, set(told) - {"short"}), (readme, README, {"short"})):
+    output = tool.pieces(_document(smoke))
+    tool.write(output, page=page, readme=readme)
+    for path, original, names in ((page, PAGE, set(output) - {"short"}), (readme, README, {"short"})):
         after, before = path.read_text(encoding="utf-8"), original.read_text(encoding="utf-8")
         for name in names:
-            assert tool.between_markers(after, name) == told[name]
+            assert tool.between_markers(after, name) == output[name]
         blocks = r"(<!-- estimators\.py: \w+ -->\n).*?(<!-- end -->)"
         assert re.sub(blocks, r"\1\2", after, flags=re.DOTALL) == re.sub(blocks, r"\1\2", before, flags=re.DOTALL)
     readme.write_text("no markers", encoding="utf-8")
     with pytest.raises(ValueError, match="one pair of markers 'short'"):
-        tool.write(told, page=page, readme=readme)
+        tool.write(output, page=page, readme=readme)
 
 
 def test_the_tool_runs(tool: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -392,30 +392,30 @@ def _call(*arguments: str) -> int:
 
 def _reproduced(capsys: pytest.CaptureFixture[str], *arguments: str, workers: str = "1") -> dict[str, Any]:
     assert _call(*arguments, "--workers", workers, "--json") == 0
-    told: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return told
+    output: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return output
 
 
 def test_an_estimator_of_the_users_own_is_a_row_like_the_others(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "mine.toml").write_text('name = "fifth"\n[options]\nk = 0.25\n')
-    told = _reproduced(capsys, "--use", "mine.py:Mine", "--settings", "mine.toml")
+    output = _reproduced(capsys, "--use", "mine.py:Mine", "--settings", "mine.toml")
     names = [entrant.name for entrant in SHORT.entrants]
-    assert [row["estimator"] for row in told["tables"]["short"]] == [*names, "fifth"]
-    row = told["tables"][FLIGHTS[0].name][2]
+    assert [row["estimator"] for row in output["tables"]["short"]] == [*names, "fifth"]
+    row = output["tables"][FLIGHTS[0].name][2]
     assert row["estimator"] == "fifth"
     assert row["RMS error of K"]["estimate"] == pytest.approx(0.05, abs=1e-12)  # K is 0.2
     assert row["within 20 % to stay, s"] == "never"
     assert row["tracking, deg/s"]["estimate"] > 0.0
     assert row["alarm after, s"] == "-"
-    assumed = told["tables"]["assumed"][2]
+    assumed = output["tables"]["assumed"][2]
     assert assumed["known"] == "The share that its options say, whatever is measured."
     assert "mine.py:Mine" in assumed["settings"]
-    assert told["again"] == "flightbed reproduce estimators --runs 1 --use mine.py:Mine --settings mine.toml"
-    assert list(told["extensions"]) == ["mine.py:Mine"]
+    assert output["again"] == "flightbed reproduce estimators --runs 1 --use mine.py:Mine --settings mine.toml"
+    assert list(output["extensions"]) == ["mine.py:Mine"]
     without = _reproduced(capsys)
     assert "extensions" not in without
     for flight in (FLIGHTS[0].name, "alarms"):
-        rows = {row["estimator"]: row for row in told["tables"][flight]}
+        rows = {row["estimator"]: row for row in output["tables"][flight]}
         assert all(rows[row["estimator"]] == row for row in without["tables"][flight])  # the others' are the same
 
 
@@ -424,13 +424,13 @@ def test_several_are_compared_and_one_under_two_settings(here: Path, capsys: pyt
     (here / "b.toml").write_text('name = "b"\nkind = "mine.py:Mine"\noptions = {k = 0.25, alarm_at = 460}\n')
     (here / "c.toml").write_text('name = "long"\nkind = "loop-gain"\nwindow = 60\n')
     files = ["--settings", "a.toml", "--settings", "b.toml", "--settings", "c.toml"]
-    told = _reproduced(capsys, "--use", "mine.py:Mine", "--use", "mine.py:Plain", *files)
-    rows = {row["estimator"]: row for row in told["tables"][FLIGHTS[0].name]}
+    output = _reproduced(capsys, "--use", "mine.py:Mine", "--use", "mine.py:Plain", *files)
+    rows = {row["estimator"]: row for row in output["tables"][FLIGHTS[0].name]}
     assert list(rows)[2:6] == ["a", "b", "long", "Plain"]
     assert [rows[name]["RMS error of K"]["estimate"] for name in ("a", "b", "Plain")] == pytest.approx([0.3, 0.05, 0.8])
     assert rows["b"]["alarm after, s"]["estimate"] == pytest.approx(0.1)  # raised at 4.6 s
     assert rows["a"]["alarm after, s"] == "-"
-    known = {row["estimator"]: row["known"] for row in told["tables"]["assumed"]}
+    known = {row["estimator"]: row["known"] for row in output["tables"]["assumed"]}
     assert known["Plain"] == "user's own estimator"
 
 

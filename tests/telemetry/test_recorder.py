@@ -328,8 +328,8 @@ def test_the_failure_is_marked_in_every_plot_and_logged(recording: Path) -> None
         np.testing.assert_allclose(times, [4.5, 4.5])
         assert values[0] < values[1], plot  # vertical and of finite length
     times, texts = series(recording, "/events", "TextLog:text")
-    assert "FAILURE: the elevator keeps 20% of its effect" in list(texts)
-    assert times[list(texts).index("FAILURE: the elevator keeps 20% of its effect")] == pytest.approx(4.5)
+    assert "FAILURE: the elevator effectiveness steps to 20%" in list(texts)
+    assert times[list(texts).index("FAILURE: the elevator effectiveness steps to 20%")] == pytest.approx(4.5)
 
 
 def test_time_starts_at_zero_and_nothing_has_a_wall_clock(recording: Path) -> None:

@@ -29,7 +29,7 @@ VIEWS = {
     "Overview": {
         "Chase view, m; stabilators: blue K = 1, red K = 0": "/world/cg",
         "Modes": "/mode",
-        "Run card": "/run_card",
+        "Summary": "/run_card",
         "Events": "/events",
         "Pitch rate, deg/s": "/pitch_rate",
         "Elevator effectiveness K, share; bands +-2 sigma": "/effectiveness",

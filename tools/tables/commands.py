@@ -1,4 +1,4 @@
-"""The tables of docs/commands.md: what the commands are, what the search for phases gains, what dither shows.
+"""The tables of docs/commands.md: properties of the commands, gain of the phase search, information in dither.
 
 python tools/tables/commands.py [--seeds 20]
 """
@@ -40,7 +40,7 @@ def below(u: Vector, hz: float) -> float:
 
 
 def table_of_kinds() -> None:
-    """Print the kinds at 5 deg/s, other keys by default, while the command lasts; the step for as long as the doublets."""
+    """Print the kinds at 5 deg/s with default keys, over the duration of the command; the step over that of the doublets."""
     print(
         "| kind | lasts, s | mean, deg/s | RPF | crest | energy, deg^2/s | below 1 Hz | after the prefilter | below 1 Hz |"
     )
@@ -60,7 +60,7 @@ def table_of_kinds() -> None:
 
 
 def table_of_phases() -> None:
-    """Print the peak factors of Schroeder's phases and of those that are flown."""
+    """Print the peak factors of Schroeder's phases and of the phases in flight."""
     print("| harmonics | RPF, Schroeder | RPF, flown | crest, Schroeder | crest, flown |\n|---|---|---|---|---|")
     for numbers in BANDS:
         theirs, ours = (one_period(numbers, p) for p in (schroeder_phases(len(numbers)), flat_phases(numbers)))
@@ -71,7 +71,7 @@ def table_of_phases() -> None:
 
 
 def table_of_dither(scenario: str, extra: list[str], seeds: int) -> None:
-    """Print what each of the two filters knows of a loss, by the size of the dither."""
+    """Print the estimates of a loss by the two filters, over the amplitude of the dither."""
     print("| dither | filter | median error of K | smoothed RMS | first within 20 %, s | never | nz RMS before, g |")
     print("|---|---|---|---|---|---|---|")
     for label, overrides in FLIGHTS.items():

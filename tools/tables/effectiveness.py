@@ -1,4 +1,4 @@
-"""How well effectiveness is estimated on the nonlinear aircraft: every table of docs/effectiveness.md.
+"""Accuracy of the estimated effectiveness on the nonlinear aircraft: every table of docs/effectiveness.md.
 
     python tools/tables/effectiveness.py                       # all sections, 20 seeds, 200 random failures
     python tools/tables/effectiveness.py --seeds 3 conditions  # some, smaller
@@ -31,7 +31,7 @@ Job = dict[str, Any]
 
 
 def job(*, mach: float = 0.8, to: float | None = 0.2, seed: int = 0, **more: Any) -> Job:
-    """Return what tells a flight from another; ``to=None`` is a flight without a failure."""
+    """Return the settings that identify a flight; ``to=None`` is a flight without a failure."""
     return {"mach": mach, "to": to, "seed": seed, **more}
 
 
@@ -75,7 +75,7 @@ def _tracked(result: Result, since_s: float) -> float:
 
 
 def spread(values: Iterable[float | None], spec: str = ".3f") -> str:
-    """Return "median (5 % - 95 %)"; a value that never came counts as infinite."""
+    """Return "median (5 % - 95 %)"; an event that did not occur counts as infinite."""
     v = np.array([np.inf if x is None else x for x in values])
     low, middle, high = (float(x) for x in np.quantile(v, [0.05, 0.5, 0.95], method="nearest"))
     return f"{middle:{spec}} ({low:{spec}} - {high:{spec}})"
@@ -299,7 +299,7 @@ DAMAGE: tuple[tuple[str, Job], ...] = (
 
 
 def damage(fly_all: Fly, seeds: int) -> dict[str, tuple[int, int]]:
-    """Fly what the model on board knows nothing of: structural damage, a c.g. that moves, gusts; returns departures (adaptive, oracle)."""
+    """Fly failures outside the on-board model: structural damage, a c.g. shift, gusts; returns departures (adaptive, oracle)."""
     rows, lost = [], {}
     for name, base in DAMAGE:
         jobs = [{**base, "seed": s} for s in range(seeds)]
@@ -343,7 +343,7 @@ def regret(fly_all: Fly, failures: int) -> tuple[Any, int]:
 
 
 def main() -> None:
-    """Fly the sections that are asked for."""
+    """Fly the requested sections."""
     sections: dict[str, Callable[[Fly, int], Any]] = {
         "conditions": conditions, "envelope": envelope, "roc": roc, "honesty": honesty, "robustness": robustness, "damage": damage,
         "regret": regret,

@@ -1,8 +1,8 @@
-"""The tables of docs/estimators.md and the short one of README.md, out of the study ``estimators``.
+"""The tables of docs/estimators.md and the short one of README.md, from the study ``estimators``.
 
 python tools/tables/estimators.py [--runs 80] [--workers N]     # fly, and print the tables
-python tools/tables/estimators.py --write                        # write them into docs/estimators.md and README.md, too
-python tools/tables/estimators.py --quick --runs 1               # short flights, to try the command; their figures mean nothing
+python tools/tables/estimators.py --write                        # also write them into docs/estimators.md and README.md
+python tools/tables/estimators.py --quick --runs 1               # short flights, to try the command; their figures have no meaning
 """
 
 from __future__ import annotations
@@ -79,19 +79,19 @@ def filled(text: str, made: Mapping[str, str], names: tuple[str, ...]) -> str:
 
 
 def write(made: Mapping[str, str], *, page: Path, readme: Path) -> None:
-    """Write the short table into the README, all else into the page."""
+    """Write the short table into the README, the other pieces into the page."""
     own = tuple(name for name in made if name != "short")
     for path, names in ((page, own), (readme, ("short",))):
         path.write_text(filled(path.read_text(encoding="utf-8"), made, names), encoding="utf-8")
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Fly, print the tables, and write them if asked for."""
+    """Fly, print the tables, and write them if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=RUNS, help="seeds of each flight")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--write", action="store_true", help="into the documents")
-    parser.add_argument("--quick", action="store_true", help="short flights: their figures mean nothing")
+    parser.add_argument("--quick", action="store_true", help="short flights: their figures have no meaning")
     given = parser.parse_args(arguments)
     if given.runs < 1:
         parser.error("--runs: must be at least 1")

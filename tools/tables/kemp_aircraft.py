@@ -2,7 +2,7 @@
 
     python tools/tables/kemp_aircraft.py [--runs 20] [--workers N] [--only PART ...]
 
-1. Cases 1 to 3 of the thesis, the latter also behind a prefilter and with commands that come a tick late: overshoot, undershoot, what the
+1. Cases 1 to 3 of the thesis, the last also behind a prefilter and with commands delayed by one tick: overshoot, undershoot, what the
    c.g. shift does, flutter, use of the elevator's rate. The seeds vary the sensors' noise.
 2. Losses of elevator effectiveness before a pull-up, also with the scheduled law corrected by 1/K-hat; flutter without the sensors' noise.
 3. Cases and loss with noise on the accelerometer, which the thesis does not have.
@@ -113,7 +113,7 @@ def _row(name: str, found: Sequence[Measured]) -> str:
 def table(
     title: str, cases: dict[str, dict[str, Scenario]], runs: int, executor: Executor | None
 ) -> dict[str, dict[str, list[Measured]]]:
-    """Fly and print a table for each case, a row for each law; returns what was measured."""
+    """Fly and print a table for each case, a row for each law; returns the measured values."""
     jobs = [(case, law, scenario) for case, laws in cases.items() for law, scenario in laws.items()]
     flights = fly_jobs([Job(scenario, runs, (*COLUMNS, "elevator_deg")) for _, _, scenario in jobs], executor=executor)
     found: dict[str, dict[str, list[Measured]]] = {case: {} for case in cases}
@@ -137,7 +137,7 @@ def table(
 
 
 def cases(runs: int, executor: Executor | None) -> None:
-    """Print the thesis's cases, what the shift does to the model, and how far adaptive overshoots less, seed by seed."""
+    """Print the thesis's cases, the effect of the shift on the model, and the smaller overshoot of the adaptive law, seed by seed."""
     for shift in (0.0176, 0.0676):
         design = plan(load_scenario("cg-shift", (f"aircraft.cg_shift_cbar={shift}",))).load_factor
         assert design is not None
@@ -177,11 +177,11 @@ def losses(runs: int, executor: Executor | None) -> None:
     print("\n   Flutter without the sensors' noise, deg")
     for law, more in LAWS.items():
         jobs = [Job(load_scenario(name, (*sets, *QUIET, *more)), 1, COLUMNS) for name, sets in quiet.values()]
-        told = []
+        cells = []
         for (case, _), (flown,) in zip(quiet.items(), fly_jobs(jobs, executor=executor), strict=True):
             found = pull_up(flown.columns, control_hz=100, ticks=0)
-            told.append(f"{case} {found.flutter_deg:6.3f}")
-        print(f"{law:>22} | " + " | ".join(told))
+            cells.append(f"{case} {found.flutter_deg:6.3f}")
+        print(f"{law:>22} | " + " | ".join(cells))
 
 
 def noise(runs: int, executor: Executor | None) -> None:
@@ -197,7 +197,7 @@ def noise(runs: int, executor: Executor | None) -> None:
 
 
 def loops(runs: int, executor: Executor | None) -> None:
-    """Print how well 4 and 5 g are held in a loop."""
+    """Print the tracking of 4 and 5 g in a loop."""
     print("\n4. A loop: a_n from 2 s after the command to its end, g")
     for size, filtered in ((4, 3), (4, 0), (5, 3)):
         for law in ("scheduled", "adaptive", "adaptive, thesis"):
@@ -218,7 +218,7 @@ def loops(runs: int, executor: Executor | None) -> None:
 
 
 def speeds(runs: int, executor: Executor | None) -> None:
-    """Print the error of a_n to its reference, 10 s by 10 s, while the speed goes up."""
+    """Print the error of a_n to its reference, in intervals of 10 s, while the speed increases."""
     print("\n   While the speed goes up: RMS of a_n less its reference, g, over 0-10, 10-20, ... 50-60 s; medians")
     for law in ("scheduled", "adaptive", "adaptive, thesis"):
         scenario = load_scenario("speed-range", LAWS[law])
@@ -229,12 +229,12 @@ def speeds(runs: int, executor: Executor | None) -> None:
             error = increment_g(flown.columns) - reference
             errors.append([float(np.sqrt(np.mean(part**2))) for part in np.split(error, 6)])
         speed = flights[0].columns["airspeed_m_s"] / FT
-        told = " ".join(f"{value:6.3f}" for value in np.median(errors, axis=0))
-        print(f"{law:>22} | {told} | {speed[0]:.0f} to {speed[-1]:.0f} ft/s")
+        cells = " ".join(f"{value:6.3f}" for value in np.median(errors, axis=0))
+        print(f"{law:>22} | {cells} | {speed[0]:.0f} to {speed[-1]:.0f} ft/s")
 
 
 def beside(runs: int, executor: Executor | None) -> None:
-    """Print what ``plid`` says of K where the scheduled filter does, none of them correcting."""
+    """Print the estimates of K by ``plid`` and by the scheduled filter; neither corrects the law."""
     print(
         f"\n5. Medians of {runs} flights: median |K-hat - K| from 0.3 s after the failure; K-hat at the end; mean NEES"
     )
@@ -243,11 +243,11 @@ def beside(runs: int, executor: Executor | None) -> None:
         scenario = load_scenario(name, (f"estimators=[{kinds}]", "adaptation.oracle=true", "adaptation.enabled=true"))
         flown = fly(scenario, runs, executor=executor)
         for estimator in ("filter", "plid", "slow"):
-            told = []
+            cells = []
             for metric in ("median_abs_error_post", "final", "nees_mean_post"):
                 m = flown.quantity(f"{estimator}.{metric}").median
-                told.append(f"{m.estimate:8.4f} ({m.low:8.4f} to {m.high:8.4f})")
-            print(f"{name:>22}, {estimator:>6} | " + " | ".join(told))
+                cells.append(f"{m.estimate:8.4f} ({m.low:8.4f} to {m.high:8.4f})")
+            print(f"{name:>22}, {estimator:>6} | " + " | ".join(cells))
 
 
 def _timed(call: Callable[[], object], repeats: int) -> float:
@@ -258,7 +258,7 @@ def _timed(call: Callable[[], object], repeats: int) -> float:
 
 
 def times() -> None:
-    """Print what a demand and an update take, of readings of a flight."""
+    """Print the time of a demand and of an update, for the readings of a flight."""
     print("\n6. Microseconds of a call, median of nine rounds of 180")
     for name, more in (("nz-scheduled", LAWS["scheduled"]), ("nz-adaptive", ())):
         planned = plan(load_scenario("cg-shift", more))

@@ -1,16 +1,16 @@
-"""Reconstructed elevator and gust: how near the truth, K from it, what no K explains, and what noise costs.
+"""Reconstructed elevator and gust: error, K from it, failures that no K explains, effect of noise.
 
     python tools/tables/reconstruction.py [--runs 100] [--workers N] [--only nearness faults healthy noise gusts costs]
 
 Both methods, retrospective cost and a Kalman filter with the input as a random walk, beside the scheduled filter, which flies the aircraft.
 
-1. Error of the reconstruction against the deflection that acts, and of K against the scheduled filter's, with its window and with one that
-   remembers as long as they do; a tenth of ``runs``.
-2. Failures of the actuator, at ten times spread over a doublet, ``runs`` flights of each: recognised in how many, how soon, as what.
-3. Flights in which K explains all: in how many something is declared; a fifth of ``runs`` but for the first three.
+1. Error of the reconstruction against the deflection that acts, and of K against the scheduled filter's, with its own window and one as
+   long as their memory; a tenth of ``runs``.
+2. Failures of the actuator, at ten times spread over a doublet, ``runs`` flights of each: share recognised, delay, and verdict.
+3. Flights in which K explains all: number with a declaration; ``runs`` of the first three, a fifth of ``runs`` of the others.
 4. elevator-loss with less and more noise of the sensors; a tenth.
 5. Harmonic gusts of several frequencies; a tenth.
-6. Microseconds an update.
+6. Microseconds per update.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _with_both(name: str, *settings: str) -> Scenario:
 
 
 def _errors(flown: Flown, name: str) -> tuple[float, int, float, float]:
-    """Return RMS error, deg; the delay, ticks, with which it is least, and that RMS; RMS of what acts about its mean."""
+    """Return RMS error, deg; the delay, ticks, at which it is smallest, and that RMS; RMS of the acting deflection about its mean."""
     found, acted = (flown.columns[c][BEGINNING_TICKS:] for c in (f"{name}.reconstructed_deg", "elevator_acting_deg"))
     by_delay = [float(np.sqrt(np.mean((found[delay:] - acted[: len(acted) - delay]) ** 2))) for delay in range(15)]
     best = int(np.argmin(by_delay))
@@ -74,7 +74,7 @@ def _errors(flown: Flown, name: str) -> tuple[float, int, float, float]:
 
 
 def nearness(runs: int, executor: Executor | None) -> None:
-    """Print how near the reconstruction comes, and K."""
+    """Print the errors of the reconstruction and of K."""
     cases = {
         "elevator-loss": (), "level-loss": (), "ramp-loss": (), "transonic-loss": (), "turbulent-loss": (),
         "elevator-bias": (), "elevator-stuck": (),
@@ -93,8 +93,8 @@ def nearness(runs: int, executor: Executor | None) -> None:
         for estimator in NAMES:
             rms, delays, least, acts = zip(*(_errors(f, estimator) for f in flights), strict=True)
             of_k = []
-            for told in (estimator, "scheduled", "scheduled-100"):
-                known = [f.metrics.estimators[told] for f in flights]
+            for compared in (estimator, "scheduled", "scheduled-100"):
+                known = [f.metrics.estimators[compared] for f in flights]
                 errors = [e.median_abs_error_post for e in known if e.median_abs_error_post is not None]
                 whole = [e.rms_error_smoothed_post for e in known if e.rms_error_smoothed_post is not None]
                 of_k.append(f"{show(median_interval(errors), '.4f')}; {np.median(whole):.4f}")
@@ -105,14 +105,14 @@ def nearness(runs: int, executor: Executor | None) -> None:
 
 
 def _first(flown: Flown, name: str, since_s: float) -> tuple[float, float]:
-    """Return the time of the first verdict from a time on, s, infinite without one, and what it says."""
+    """Return the time of the first verdict from a time on, s, infinite without one, and the verdict."""
     verdict, t = flown.columns[f"{name}.verdict"], flown.columns["t_s"]
     raised = np.flatnonzero((verdict > 0.0) & (t >= since_s - 1e-9))
     return (float(t[raised[0]]), float(verdict[raised[0]])) if raised.size else (np.inf, 0.0)
 
 
 def faults(runs: int, executor: Executor | None) -> None:
-    """Print how failures of the actuator are recognised."""
+    """Print the recognition of actuator failures."""
     each = max(1, runs // len(TIMES_S))
     print(f"\n2. Failures of the actuator at {TIMES_S[0]:g} to {TIMES_S[-1]:g} s; {each * len(TIMES_S)} flights each")
     print(
@@ -143,7 +143,7 @@ def faults(runs: int, executor: Executor | None) -> None:
 
 
 def healthy(runs: int, executor: Executor | None) -> None:
-    """Print in how many flights something is declared although K explains all."""
+    """Print the number of flights with a declaration although K explains all."""
     print("\n3. K explains all: share of the flights in which something is declared (95 % interval)")
     cases: dict[str, tuple[str, tuple[str, ...]]] = {
         "nothing fails": ("elevator-loss", ("failures=[]",)),
@@ -172,7 +172,7 @@ def healthy(runs: int, executor: Executor | None) -> None:
 
 
 def noise(runs: int, executor: Executor | None) -> None:
-    """Print the error by the sensors' noise."""
+    """Print the error over the sensors' noise."""
     print(f"\n4. elevator-loss with other noise of alpha and q; RMS error of the reconstruction, deg; {runs} flights")
     print(f"| noise, times that of the scenario | {' | '.join(NAMES)} |\n|---|---|---|")
     factors = (0.1, 0.3, 1.0, 3.0, 10.0)
@@ -190,7 +190,7 @@ def noise(runs: int, executor: Executor | None) -> None:
 
 
 def gusts(runs: int, executor: Executor | None) -> None:
-    """Print how near a harmonic gust is reconstructed."""
+    """Print the error of a reconstructed harmonic gust."""
     columns = ("gust_alpha_deg", *(f"{name}.reconstructed_deg" for name in NAMES))
     print(
         f"\n5. harmonic-gust, amplitude 0.72 deg: RMS error, deg, from 3 s after it began, its tick's delay taken off; {runs} flights"
@@ -209,7 +209,7 @@ def gusts(runs: int, executor: Executor | None) -> None:
 
 
 def costs() -> None:
-    """Print what an update takes, called from Python, by the processor's clock."""
+    """Print the processor time of an update, called from Python."""
     planned = plan(load_scenario("elevator-bias"))
     samples = list(fly(assemble(planned)))
     print("\n6. Microseconds an update, median (lowest to highest) of 9 flights")
@@ -229,7 +229,7 @@ def costs() -> None:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run what is asked for."""
+    """Run the requested parts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--workers", type=int, default=os.cpu_count())

@@ -1,8 +1,8 @@
-"""Trim and linearize every aircraft that ships with JSBSim at one sensible condition; write docs/stock-aircraft.md.
+"""Trim and linearize every aircraft of JSBSim at one typical condition; write docs/stock-aircraft.md.
 
     python tools/tables/stock_aircraft.py [NAME ...]
 
-Each in a process of its own: some of JSBSim's models bring the process down.
+Each in a process of its own: some of JSBSim's models crash the process.
 """
 
 from __future__ import annotations
@@ -45,8 +45,10 @@ def _line(name: str) -> tuple[bool, str]:
     except subprocess.TimeoutExpired:
         return False, f"| {name} | {cas_kt}, {altitude_ft} | no answer in a minute |"
     if done.returncode:
-        told = [line for line in done.stderr.splitlines() if line.startswith("flightbed:")]
-        why = told[-1].removeprefix("flightbed: ") if told else f"JSBSim ends the process, code {done.returncode}"
+        messages = [line for line in done.stderr.splitlines() if line.startswith("flightbed:")]
+        why = (
+            messages[-1].removeprefix("flightbed: ") if messages else f"JSBSim ends the process, code {done.returncode}"
+        )
         why = why.removeprefix(f"aircraft {name}: ").replace("|", "/")
         return False, f"| {name} | {cas_kt}, {altitude_ft} | {why} |"
     try:

@@ -1,15 +1,15 @@
-"""Three surfaces, one filter: which surface failed, how well K is found, how often the test cries wolf, and against the scheduled filter.
+"""Three surfaces, one filter: isolation of the failed surface, error of K, false alarms, comparison with the scheduled filter.
 
     python tools/tables/surfaces.py [--runs 5] [--workers N]
 
 1. Confusion: flights of `aileron-loss` with one surface losing its effectiveness (to 0.1 ... 0.7 of it), ``runs`` noise draws each;
    found is the surface whose test raises the first alarm after the failure.
-2. No failure, calm and turbulent: share of ticks above the threshold, against the rate that the chi-square law promises; flights with
+2. No failure, calm and turbulent: share of ticks above the threshold, against the rate of the chi-square distribution; flights with
    an alarm.
 3. `elevator-loss`, `ramp-loss`, `level-loss`, `transonic-loss` and `turbulent-loss` with two-stage filters beside the scheduled one, which
    flies the aircraft: error, delay, false alarms.
-4. Losses that a fixed law does not survive: departures with the law as it is, corrected and designed anew.
-5. Failures of the actuator, which an effectiveness does not describe: what the filter says then.
+4. Losses that a fixed law does not survive: departures with the law unchanged, corrected and redesigned.
+5. Failures of the actuator, which an effectiveness does not describe: the filter's estimates.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _alarms(flown: Flown, since_s: float) -> dict[str, float]:
 
 
 def confusion(runs: int, executor: Executor | None) -> None:
-    """Print which surface was found, how fast, and the errors of K."""
+    """Print the surface found, the delay, and the errors of K."""
     columns = ("t_s", *(f"{n}.{c}" for n in NAMES for c in ("alarms", "effectiveness", "effectiveness_smoothed")))
     cases = [(surface, to) for surface in SURFACES for to in TO]
     flights = fly_jobs([Job(_lost(*case), runs, columns) for case in cases], executor=executor)
@@ -89,16 +89,16 @@ def confusion(runs: int, executor: Executor | None) -> None:
         )
 
 
-def wolf(runs: int, executor: Executor | None) -> None:
-    """Print how often the test's statistic is above its threshold in flights without a failure, and how often an alarm is raised."""
+def false_alarms(runs: int, executor: Executor | None) -> None:
+    """Print the rate of test statistics above the threshold in flights without a failure, and the rate of alarms."""
     print(
         f"\n2. No failure: {runs} flights of 10 s each; share of ticks from 1 s on whose statistic is above the threshold of a nominal rate"
     )
     columns = tuple(f"{name}.{c}" for name in NAMES for c in ("alarms", "effectiveness_raw", "effectiveness_std"))
     base = load_scenario("aileron-loss", ["duration_s=10", "failures=[]"])
-    window, told = base.estimators[0].window, base.estimators[0].false_alarm
+    window, nominal = base.estimators[0].window, base.estimators[0].false_alarm
     head = " ".join(f"{rate:>9g}" for rate in RATES)
-    print(f"{'turbulence':>11} {'surface':<9} | nominal: {head} | flights with an alarm at {told:g}")
+    print(f"{'turbulence':>11} {'surface':<9} | nominal: {head} | flights with an alarm at {nominal:g}")
     for turbulence in ("none", "light", "moderate"):
         scenario = load_scenario(
             "aileron-loss", ["duration_s=10", "failures=[]", f"atmosphere.turbulence={turbulence}"]
@@ -118,7 +118,7 @@ def wolf(runs: int, executor: Executor | None) -> None:
 
 
 def _costs() -> dict[str, float]:
-    """Return what an update of each estimator takes, us, called from Python; medians of 9 rounds."""
+    """Return the time of an update of each estimator, us, called from Python; medians of 9 rounds."""
     costs = {}
     for scenario, surfaces in (("elevator-loss", "elevator"), ("aileron-loss", "three surfaces")):
         added = [f"estimators.1={VARIABLE}"] if scenario == "elevator-loss" else []
@@ -142,9 +142,9 @@ def rivals(runs: int, executor: Executor | None) -> None:
             found = [f.metrics.estimators[settings.name] for f in flown]
             errors = [f.median_abs_error_post for f in found if f.median_abs_error_post is not None]
             delays = [f.detected_at_s for f in found]
-            told = [d for d in delays if d is not None]
+            reported = [d for d in delays if d is not None]
             nis = np.mean([f.nis_mean for f in found if f.nis_mean is not None])
-            delay = f"{np.median(told):.2f} ({len(told)} of {runs})" if told else f"never ({runs})"
+            delay = f"{np.median(reported):.2f} ({len(reported)} of {runs})" if reported else f"never ({runs})"
             print(
                 f"{name:<16} {settings.name:<22} {show(median_interval(errors), '.4f'):>26} {delay:>20} "
                 f"{sum(f.false_alarms for f in found):>13d} {nis:>6.2f}"
@@ -152,7 +152,7 @@ def rivals(runs: int, executor: Executor | None) -> None:
 
 
 def survival(runs: int, executor: Executor | None) -> None:
-    """Print departures with three ways of dealing with a loss."""
+    """Print departures with three reactions to a loss."""
     print(f"\n4. Departures, {runs} flights each, law lq")
     ways = {
         "as it is": ["adaptation.enabled=false"],
@@ -163,8 +163,8 @@ def survival(runs: int, executor: Executor | None) -> None:
     for surface, to in losses:
         jobs = [Job(_lost(surface, to, "control.law=lq", "duration_s=16.5", *more), runs) for more in ways.values()]
         counts = [sum(f.metrics.departed for f in flown) for flown in fly_jobs(jobs, executor=executor)]
-        told = ", ".join(f"{way} {count}" for way, count in zip(ways, counts, strict=True))
-        print(f"  {surface} to {to}: {told}")
+        departures = ", ".join(f"{way} {count}" for way, count in zip(ways, counts, strict=True))
+        print(f"  {surface} to {to}: {departures}")
 
 
 FAULTS = {
@@ -177,7 +177,7 @@ FAULTS = {
 
 
 def undescribed(runs: int, executor: Executor | None) -> None:
-    """Print what the filter makes of failures that an effectiveness does not describe."""
+    """Print the filter's estimates in failures that an effectiveness does not describe."""
     print(
         f"\n5. Failures of the actuator at {FAILED_S} s, {runs} flights each: K-hat of the surface at the end, alarms in how many flights"
     )
@@ -201,7 +201,7 @@ def undescribed(runs: int, executor: Executor | None) -> None:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run what is asked for."""
+    """Run the requested parts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--workers", type=int, default=os.cpu_count())
@@ -209,7 +209,7 @@ def main(arguments: Sequence[str]) -> None:
     began = time.perf_counter()
     with processes(asked.workers) as executor:
         confusion(asked.runs, executor)
-        wolf(asked.runs * 10, executor)
+        false_alarms(asked.runs * 10, executor)
         rivals(asked.runs * 4, executor)
         survival(asked.runs * 2, executor)
         undescribed(asked.runs * 2, executor)

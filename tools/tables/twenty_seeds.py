@@ -33,7 +33,7 @@ FLIGHTS: dict[str, tuple[str, list[str]]] = {
 
 
 def _share(results: list[Result], inside: Callable[[Result, np.ndarray], np.ndarray]) -> str:
-    """Share of the ticks from 0.3 s after the failure (from 0.3 s on without one) for which something holds."""
+    """Share of the ticks from 0.3 s after the failure (from 0.3 s on without one) for which a condition holds."""
     shares: list[float | None] = []
     for result in results:
         since = result.trace["t_s"] >= (result.summary.failed_at_s or 0.0) + 0.3 - 1e-9

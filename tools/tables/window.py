@@ -1,4 +1,4 @@
-"""Microseconds per tick of a 30-sample moving window of the joint filter, three ways that give the same numbers.
+"""Microseconds per tick of a 30-sample moving window of the joint filter, by three methods with the same results.
 
     python tools/tables/window.py
 

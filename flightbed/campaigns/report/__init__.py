@@ -1,1 +1,1 @@
-"""The page of a campaign."""
+"""The page of a campaign: headline, points, histories and distributions. The page of one flight is in ``report/``."""

@@ -16,20 +16,20 @@ if TYPE_CHECKING:
 
 Vector = npt.NDArray[np.float64]
 
-START_S = 0.3  # before, an estimate is what it was begun with
-SEEN = 0.98  # of the ticks whose bands lie within the frame
+START_S = 0.3  # until then an estimate shows its prior
+SEEN = 0.98  # share of the ticks whose bands lie within the frame
 
 
-def sample(ensemble: Ensemble) -> str:
+def sample_text(ensemble: Ensemble) -> str:
     """Return the accuracy of the percentiles, in words."""
     sampled = ensemble.sampled
     if sampled == ensemble.moments.flying[0]:
-        return f"Percentiles are those of all {sampled} flights, interpolated between neighbours, in single precision."
+        return f"Percentiles over all {sampled} flights, interpolated between neighbours, in single precision."
     shares = [1.96 * (p * (100 - p) / sampled) ** 0.5 for p in PERCENTILES[:3]]
     accuracy = ", ".join(f"{p} +-{share:.1f}" for p, share in zip(PERCENTILES, shares, strict=False))
     return (
-        f"Percentiles are those of the point's first {sampled} flights: of all flights that could be flown they are, with 95 % "
-        f"confidence, the percentiles {accuracy} (normal approximation to the binomial)."
+        f"Percentiles over the point's first {sampled} flights; with 95 % confidence they are the percentiles {accuracy} of the "
+        "distribution over all seeds (normal approximation to the binomial)."
     )
 
 
@@ -46,12 +46,12 @@ def edges(ensemble: Ensemble, column: str) -> list[Vector]:
     return [edge.astype(np.float64) for edge in ensemble.percentiles[column]]
 
 
-def top(values: Vector) -> float:
-    """Return the upper end of an axis for K: a little above all, but not where an estimate runs away."""
+def effectiveness_limit(values: Vector) -> float:
+    """Return the upper end of an axis for K: just above the values, but at most 3, for estimates that diverge."""
     finite = values[np.isfinite(values)]
     return max(1.25, min(3.0, float(finite.max(initial=0.0)) + 0.1))
 
 
 def is_drawn(campaign: Campaign) -> bool:
-    """Tell whether every flight draws when something fails, so that no time can be marked."""
+    """Return whether every flight draws the time of a failure or gust, so that no time can be marked."""
     return any(axis.is_drawn and axis.key.endswith(".at_s") for axis in campaign.programme.axes)

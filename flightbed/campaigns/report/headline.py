@@ -14,7 +14,7 @@ from flightbed.statistics.intervals import Interval
 
 
 def headline(summary: CampaignSummary) -> str:
-    """Return a few sentences: number of flights that departed and passed, tracking, errors."""
+    """Return the headline as sentences: flights that departed and passed, tracking, errors."""
     flights, followed = summary.flights, summary.tracking.followed
     failed = (
         [f"{flights.errors} of {flights.flights} flights failed: {summary.errors[0].message}."]
@@ -46,10 +46,10 @@ def _interval(middle: Interval, spec: str) -> str:
     return f"{show(middle.estimate, spec)} (95 % interval {middle.low:{spec}} to {middle.high:{spec}})"
 
 
-def lead(campaign: Campaign) -> Section:
+def headline_section(campaign: Campaign) -> Section:
     """Return the first section of the report."""
     scenario, summary = campaign.scenario, campaign.summary
-    happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "nothing fails"
+    happened = "; ".join([*failures(scenario), *gusts(scenario)]) or "no failures or gusts"
     varied = "; ".join(f"{axis.key}: {axis_words(axis)}" for axis in campaign.programme.axes)
     text = [
         headline(summary),
@@ -83,7 +83,7 @@ def flight_label(flight: WorstSummary | None) -> str:
 
 
 def median_cell(quantity: QuantitySummary | None) -> Cell:
-    """Return the median for a table cell: "never" where no flight reached the quantity, None where no flight has it."""
+    """Return the median for a table cell: "never" where the event occurred in no flight, None where no flight has it."""
     if quantity is None:
         return None
     return "never" if quantity.never == quantity.flights else quantity.median

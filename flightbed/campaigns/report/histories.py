@@ -9,11 +9,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flightbed.analysis.trace import true_share
-from flightbed.campaigns.plan import SHOWN, few
-from flightbed.campaigns.report.bands import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
-from flightbed.campaigns.report.small_multiples import left_out, of_points
+from flightbed.campaigns.plan import SHOWN, select_points
+from flightbed.campaigns.report.bands import (
+    SEEN,
+    START_S,
+    Vector,
+    draw,
+    edges,
+    effectiveness_limit,
+    is_drawn,
+    sample_text,
+)
+from flightbed.campaigns.report.small_multiples import point_pictures, selection_text
 from flightbed.campaigns.result import Campaign
-from flightbed.core.estimate_names import numbered
+from flightbed.core.estimate_names import estimator_indices
 from flightbed.document import drawing, palette
 from flightbed.document.document import Picture, Section
 from flightbed.report.figures import MARGIN, mark_changes
@@ -29,10 +38,10 @@ def histories_sections(campaign: Campaign) -> list[Section]:
         return []
     if len(campaign.programme.points) == 1:
         ensemble = campaign.histories[0]
-        text = (f"Over the flights that still fly: {_bands(ensemble)}", sample(ensemble))
+        text = (f"Over the flights that still fly: {_bands(ensemble)}", sample_text(ensemble))
         return [Section("Histories", text, _of_one(campaign, ensemble))]
-    points = few(campaign.programme.settings, sorted(campaign.histories), SHOWN)
-    return [Section("Histories at the points", left_out(campaign, points), of_points(campaign, points))]
+    points = select_points(campaign.programme.settings, sorted(campaign.histories), SHOWN)
+    return [Section("Histories at the points", selection_text(campaign, points), point_pictures(campaign, points))]
 
 
 def _bands(ensemble: Ensemble) -> str:
@@ -75,13 +84,13 @@ def _of_one(campaign: Campaign, ensemble: Ensemble) -> list[Picture]:
     ]
     gain = [
         _Curve(f"{name}.effectiveness_smoothed", "K", "K", palette.estimate(i), f"'{name}'", f"mean of '{name}'")
-        for name, i in numbered(campaign.estimators).items()
+        for name, i in estimator_indices(campaign.estimators).items()
     ]
     flying, flights = moments.flying, int(moments.flying[0])
     t = np.arange(len(flying)) / campaign.scenario.rates.control_hz
     early = flying[-1] < flights or len(t) < campaign.scenario.ticks
 
-    def moved(axes: list[Axes]) -> str:
+    def draw_motion(axes: list[Axes]) -> str:
         drawing.line(axes[0], t, moments.mean["q_ref_deg_s"], color=drawing.REFERENCE, label="reference")
         for axis, curve in zip(axes, motion, strict=False):
             draw(axis, t, ensemble, curve.column, curve.color, "median", drawing.BUCKETS)
@@ -93,14 +102,14 @@ def _of_one(campaign: Campaign, ensemble: Ensemble) -> list[Picture]:
         axes[-1].set_ylabel("still flying")
         return f"{flying[-1]} of {flights} fly at {t[-1]:.2f} s."
 
-    def gained(axes: list[Axes]) -> str:
+    def draw_gain(axes: list[Axes]) -> str:
         words = []
         for axis, curve, name in zip(axes, gain, campaign.estimators, strict=True):
             truth = moments.mean[true_share(name)]
             drawing.line(axis, t, truth, color=drawing.TRUTH, linewidth=2.2, label="truth")
             draw(axis, t, ensemble, curve.column, curve.color, f"smoothed K of {curve.name}, median", drawing.BUCKETS)
             low, _, middle, _, high = edges(ensemble, curve.column)
-            axis.set_ylim(-0.08, top(high[t > START_S]))
+            axis.set_ylim(-0.08, effectiveness_limit(high[t > START_S]))
             axis.set_ylabel("K")
             words.append(
                 f"{curve.name} ends at {middle[-1]:.3f} ({PERCENTILES[0]} to {PERCENTILES[-1]} %: {low[-1]:.3f} to {high[-1]:.3f}; mean "
@@ -109,12 +118,12 @@ def _of_one(campaign: Campaign, ensemble: Ensemble) -> list[Picture]:
         return " ".join(words)
 
     figures: list[tuple[str, str, int, Callable[[list[Axes]], str]]] = [
-        ("motion", "Motion and elevator", len(motion) + early, moved),
+        ("motion", "Motion and elevator", len(motion) + early, draw_motion),
         ("motion-about", "Motion and elevator about their median", len(motion), lambda axes: _about(axes, t, ensemble, motion)),
     ]  # fmt: skip
     if gain:
         figures += [
-            ("gain", "Smoothed K", len(gain), gained),
+            ("gain", "Smoothed K", len(gain), draw_gain),
             ("gain-about", "Smoothed K about its median", len(gain), lambda axes: _about(axes, t, ensemble, gain)),
         ]
     return [_picture(campaign, key, title, rows, draw, float(t[-1])) for key, title, rows, draw in figures]

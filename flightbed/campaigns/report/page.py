@@ -8,14 +8,14 @@ import numpy as np
 
 from flightbed.analysis.pull_up import PULL_UP_METRICS
 from flightbed.analysis.result import Result
-from flightbed.analysis.summary_text import FOLLOWED, flown, outcome
-from flightbed.campaigns.report.headline import flight_label, lead, median_cell
+from flightbed.analysis.summary_text import FOLLOWED, outcome, settings_rows
+from flightbed.campaigns.report.headline import flight_label, headline_section, median_cell
 from flightbed.campaigns.report.histories import histories_sections
 from flightbed.campaigns.report.points import points_section
 from flightbed.campaigns.result import Campaign
 from flightbed.campaigns.summary import CampaignSummary, WorstSummary
-from flightbed.config.own_code import at_hand, permits
-from flightbed.core.estimate_names import numbered
+from flightbed.config.own_code import names_without_option, use_options
+from flightbed.core.estimate_names import estimator_indices
 from flightbed.core.units import unit_of
 from flightbed.document import drawing, palette
 from flightbed.document.document import Cell, Document, Listing, Picture, Section, Table
@@ -36,7 +36,7 @@ _MEANINGS = {
         for error, key, _ in FOLLOWED
         for when, words in (
             ("pre", "before the first failure"),
-            ("post", "from 0.3 s after the first failure; of a flight that ends early, as far as it got"),
+            ("post", "from 0.3 s after the first failure; of a flight that ends early, up to its end"),
         )
     },
     **{key: meaning for key, (_, meaning) in {**PULL_UP_METRICS, **ESTIMATOR_METRICS}.items()},
@@ -49,7 +49,7 @@ def campaign_report(campaign: Campaign) -> Document:
     aircraft = scenario.aircraft.model if worst is None else worst.plan.aircraft.name
     seeds, condition = _seeds(campaign), f"Mach {scenario.condition.mach:g}, {scenario.condition.altitude_ft:,.0f} ft"
     facts = {
-        "again": _all_again(campaign),
+        "again": _rerun_command(campaign),
         "flights": summary.flights.flights,
         "seeds": seeds,
         "wall_time_s": round(summary.wall_time_s, 1),
@@ -57,7 +57,7 @@ def campaign_report(campaign: Campaign) -> Document:
         "campaign": f"SHA-256 {summary.fingerprint}",
         "versions": dict(summary.versions),
     }
-    what = [row if row[0] != "seed" else ("seeds", seeds) for row in flown(scenario, aircraft)]
+    what = [row if row[0] != "seed" else ("seeds", seeds) for row in settings_rows(scenario, aircraft)]
     title_of_settings = "Settings" if len(programme.axes) == 0 else "Fixed settings"
     sections = [
         *points_section(campaign),
@@ -71,16 +71,19 @@ def campaign_report(campaign: Campaign) -> Document:
             Section(
                 "Medians and means",
                 (),
-                [*([_tracked(summary)] if summary.tracking.percentiles else []), *_medians(summary)],
+                [*([_tracking_table(summary)] if summary.tracking.percentiles else []), *_medians(summary)],
             ),
             _worst(worst, summary.worst),
             rerun_command(
-                scenario.to_toml(), summary.worst.options, worst.summary.versions, at_hand(worst.summary.own_code)
+                scenario.to_toml(),
+                summary.worst.options,
+                worst.summary.versions,
+                names_without_option(worst.summary.own_code),
             ),
         ]
     where = f" at {condition}" if len(programme.points) == 1 else f", {len(programme.points)} points"
     title = f"{programme.name}: {summary.flights.flights} flights of {aircraft}{where}"
-    return Document(title, sections, facts, lead(campaign))
+    return Document(title, sections, facts, headline_section(campaign))
 
 
 def _seeds(campaign: Campaign) -> str:
@@ -90,8 +93,8 @@ def _seeds(campaign: Campaign) -> str:
     return f"{programme.scenario.seed} to {programme.scenario.seed + len(programme) - 1}"
 
 
-def _all_again(campaign: Campaign) -> str:
-    own = "" if campaign.worst is None else permits(campaign.worst.summary.own_code)
+def _rerun_command(campaign: Campaign) -> str:
+    own = "" if campaign.worst is None else use_options(campaign.worst.summary.own_code)
     if campaign.programme.settings is not None:
         return f"flightbed campaign FOLDER/campaign.toml{own}"
     return f"flightbed campaign FOLDER/scenario.toml --runs {len(campaign.rows)}{own}"
@@ -123,7 +126,7 @@ def _medians(summary: CampaignSummary) -> list[Table]:
                 key,
                 unit_of(key),
                 median_cell(q),
-                _closed(q.mean),
+                _finite_interval(q.mean),
                 q.p5.estimate,
                 q.p95.estimate,
                 q.flights,
@@ -138,14 +141,14 @@ def _medians(summary: CampaignSummary) -> list[Table]:
     return tables
 
 
-def _closed(interval: Interval | None) -> Cell:
+def _finite_interval(interval: Interval | None) -> Cell:
     """Return an interval for a table cell; only its estimate where an end is infinite."""
     if interval is None or np.isfinite([interval.low, interval.high]).all():
         return interval
     return interval.estimate
 
 
-def _tracked(summary: CampaignSummary) -> Table:
+def _tracking_table(summary: CampaignSummary) -> Table:
     """Return mean and percentiles of the tracking RMS, with exact and with bootstrapped intervals."""
     followed, exact = summary.tracking.followed, summary.tracking.percentiles
     resampled = summary.resampled[followed.column]
@@ -174,17 +177,17 @@ def _ends(interval: Interval | None) -> str:
 
 
 def _colors(campaign: Campaign) -> dict[str, str]:
-    return {name: palette.estimate(i) for name, i in numbered(campaign.estimators).items()}
+    return {name: palette.estimate(i) for name, i in estimator_indices(campaign.estimators).items()}
 
 
 def _distributions(campaign: Campaign) -> list[Picture]:
-    """Return histograms: of tracking by what came of the flight, of the errors and delays of every estimator."""
+    """Return histograms: tracking by outcome, and the errors and delays of every estimator."""
     followed = campaign.summary.tracking.followed
     chosen = campaign.quantity(followed.column)
     gone = [row["departed"] for row in campaign.flown]
     by_end: list[Line] = [
         (name, color, [v for v, away in zip(chosen.values, gone, strict=True) if v is not None and away == wanted])
-        for name, color, wanted in (("stayed", drawing.ACTUAL, False), ("departed", drawing.FAILURE, True))
+        for name, color, wanted in (("not departed", drawing.ACTUAL, False), ("departed", drawing.FAILURE, True))
     ]
     what, after = f"RMS of {followed.what}", "from 0.3 s after the failure" if followed.after else "of the whole flight"
     found = [_histogram("tracking", "Tracking", f"{what} {after}.", f"{what}, {followed.unit}", by_end)]

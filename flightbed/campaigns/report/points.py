@@ -87,7 +87,7 @@ def points_table(campaign: Campaign, estimators: Sequence[str]) -> Table:
         cells += [_median(flights, column) for column in (tracked, *(column for _, column in estimates))]
         rows.append(cells)
     note = (
-        "Shares with exact 95 % intervals. Medians over the flights, where there are 6 or more with intervals that hold them with 95 %; "
+        "Shares with exact 95 % intervals. Medians over the flights, from 6 flights on with 95 % intervals; "
         f"tracking is that of {what}."
     )
     if len(summary.points) > _MOST:
@@ -167,5 +167,5 @@ def _map(
                     color="white" if dark else "black",
                 )  # fmt: skip
         axis.figure.colorbar(mesh, ax=axis, label=label)
-        words = f"From {finite.min():.3g} to {finite.max():.3g}." if finite.size else "No flight has it."
+        words = f"From {finite.min():.3g} to {finite.max():.3g}." if finite.size else "Not defined for any flight."
         return Picture(key, title, drawing.distinct(svg(), key), text, words)

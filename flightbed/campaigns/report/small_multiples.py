@@ -7,11 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from flightbed.analysis.trace import true_share
-from flightbed.campaigns.plan import MOST_REMEMBERED, SHOWN, few, values_of
-from flightbed.campaigns.report.bands import SEEN, START_S, Vector, draw, edges, is_drawn, sample, top
+from flightbed.campaigns.plan import MOST_REMEMBERED, SHOWN, select_points, values_of
+from flightbed.campaigns.report.bands import (
+    SEEN,
+    START_S,
+    Vector,
+    draw,
+    edges,
+    effectiveness_limit,
+    is_drawn,
+    sample_text,
+)
 from flightbed.campaigns.report.points import value_words
 from flightbed.campaigns.result import Campaign
-from flightbed.core.estimate_names import numbered
+from flightbed.core.estimate_names import estimator_indices
 from flightbed.document import drawing, palette
 from flightbed.document.document import Picture
 from flightbed.report.figures import MARGIN, mark_changes
@@ -22,34 +31,34 @@ _ACROSS = 3  # small figures per row, where the grid does not define it
 _BUCKETS = 200  # intervals of time per figure: 0.08 s each of 16.5 s
 
 
-def left_out(campaign: Campaign, points: Sequence[int]) -> list[str]:
-    """Return sentences on the bands, and on points without a figure."""
+def selection_text(campaign: Campaign, points: Sequence[int]) -> list[str]:
+    """Return sentences on the bands and on points without a figure."""
     of, kept = len(campaign.programme.points), len(campaign.histories)
     low, inner_low, _, inner_high, high = PERCENTILES
     sentences = [
         f"Median, bands from {inner_low} to {inner_high} % and from {low} to {high} % of the flights of a point that still fly. "
-        + sample(max((campaign.histories[point] for point in points), key=lambda ensemble: ensemble.sampled))
+        + sample_text(max((campaign.histories[point] for point in points), key=lambda ensemble: ensemble.sampled))
     ]
     if len(points) < of:
         settings = campaign.programme.settings
         chosen = settings is not None and settings.histories.keep == "chosen"
         rest = (
-            f"the campaign file chooses {kept}"
+            f"the campaign file selects {kept}"
             if chosen
-            else f"of more than {MOST_REMEMBERED} points no more are kept, unless histories.points chooses"
+            else f"with more than {MOST_REMEMBERED} points only {kept} keep histories, unless histories.points selects others"
             if kept < of and of > MOST_REMEMBERED
-            else f"histories.parquet has the {kept} at which something flew"
+            else f"histories.parquet has the {kept} points with a flight without error"
         )
         sentences.append(f"Shown are {len(points)} of {of} points; {rest}.")
     return sentences
 
 
-def of_points(campaign: Campaign, points: Sequence[int]) -> list[Picture]:
+def point_pictures(campaign: Campaign, points: Sequence[int]) -> list[Picture]:
     """Draw small figures of the points: pitch rate, and smoothed K of every estimate."""
     found = [("q_deg_s", "q_ref_deg_s", drawing.ACTUAL, "Pitch rate", "pitch rate, deg/s", "reference")]
     found += [
         (f"{name}.effectiveness_smoothed", true_share(name), palette.estimate(i), f"Smoothed K of '{name}'", "K", "truth")
-        for name, i in numbered(campaign.estimators).items()
+        for name, i in estimator_indices(campaign.estimators).items()
     ]  # fmt: skip
     scenarios = {point: campaign.programme.at(point) for point in points}
     return [_small(campaign, scenarios, *figure) for figure in found]
@@ -99,7 +108,7 @@ def _small(
             if i + across >= len(points):
                 axis.tick_params(labelbottom=True)
                 axis.set_xlabel("time, s")
-        text = f"The {name} and the flights, a small figure a point, which is named above it: {_keys(campaign)}."
+        text = f"The {name} and the flights, one figure per point; its title gives {_keys(campaign)}."
         return Picture(key, title, drawing.distinct(svg(), key), text)
 
 
@@ -107,7 +116,7 @@ def _frame(ensemble: Ensemble, column: str, aim: str, t: Vector) -> tuple[float,
     """Return the limits of an axis: of K all but divergent values, of other histories the bands at nearly all ticks."""
     low, *_, high = edges(ensemble, column)
     if column != "q_deg_s":
-        return -0.08, top(high[t > START_S])
+        return -0.08, effectiveness_limit(high[t > START_S])
     shown = np.concatenate([low, high, ensemble.moments.mean[aim]])
     shown = shown[np.isfinite(shown)]
     if not shown.size:
@@ -121,7 +130,7 @@ def _across(campaign: Campaign, count: int) -> int:
     settings = campaign.programme.settings
     axes = [axis for axis in campaign.programme.axes if not axis.is_drawn]
     if settings is not None and settings.combine == "crossed" and len(axes) > 1:
-        points = few(settings, sorted(campaign.histories), SHOWN)
+        points = select_points(settings, sorted(campaign.histories), SHOWN)
         last = len({str(campaign.programme.points[point][axes[-1].key]) for point in points})
         if 2 <= last <= 4 and count % last == 0:
             return last

@@ -1,1 +1,1 @@
-"""Laws that command the load factor, and the throttle."""
+"""Laws that command the load factor, their design, and the autothrottle."""

@@ -1,1 +1,1 @@
-"""Pseudo-linear identification of the pitch dynamics, and K from it."""
+"""Pseudo-linear identification (Kemp 1987) of the pitch dynamics, and K from it."""

@@ -1,1 +1,1 @@
-"""Reconstruction of unknown inputs: the acting elevator deflection, or a gust."""
+"""Reconstruction of unknown inputs: the acting elevator deflection, or a gust; K by regression on the measured deflection."""

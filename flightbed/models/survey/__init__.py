@@ -1,1 +1,1 @@
-"""The commands `trim` and `linearize`: one condition or a sweep, as rows, text and files."""
+"""The commands ``trim`` and ``linearize``: one condition or a sweep, as rows, text and files."""

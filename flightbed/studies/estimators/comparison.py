@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from flightbed.analysis.seeds import Job
 from flightbed.analysis.trace import true_share
-from flightbed.scenario.own_code import named_by
+from flightbed.scenario.own_code import named_extensions
 from flightbed.studies.base import Trials
 from flightbed.studies.estimators.cost import round_us
 from flightbed.studies.estimators.entrants import ENTRANTS, FIXED, Entrant
@@ -71,7 +71,7 @@ class Comparison:
                 jobs[HEALTHY, flight.without] = Job(healthy, runs, TRACKING)
         if self.rounds:
             timed = self.course.together(self.flights[0], self.fit(self.flights[0], unfit))
-            jobs[(COST,)] = Trials(round_us, (timed, named_by(timed)), self.rounds)
+            jobs[(COST,)] = Trials(round_us, (timed, named_extensions(timed)), self.rounds)
         return jobs
 
 

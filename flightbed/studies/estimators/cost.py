@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from flightbed.config.own_code import Extension, Packed, carried
+from flightbed.config.own_code import Extension, Packed, permit_packed
 from flightbed.core.signals import Sample
 from flightbed.core.timing import interleaved, seconds
 from flightbed.estimation.base import Commanded
@@ -32,7 +32,7 @@ def round_us(number: int, scenario: Scenario, extensions: tuple[Extension | Pack
         extensions: code of the user's own that the scenario names.
 
     """
-    with carried(extensions):
+    with permit_packed(extensions):
         ways = _ways(scenario)
         ordered = dict(list(ways.items())[:: -1 if number % 2 else 1])
         return {name: figures[0] for name, figures in interleaved(ordered, 1).items()}

@@ -54,7 +54,12 @@ FLIGHTS: tuple[Flight, ...] = (
         "the elevator stays where a doublet has it at 5.2 s; its effectiveness is all there, K = 1",
         "doublets, c.g. 6 % forward",
     ),
-    Flight("bias", "elevator-bias", "1 deg acts besides what the elevator is told and measured; K = 1", _DOUBLETS),
+    Flight(
+        "bias",
+        "elevator-bias",
+        "a bias of 1 deg acts in addition to the commanded and measured deflection; K = 1",
+        _DOUBLETS,
+    ),
     Flight(
         "c.g. shift",
         "nominal",

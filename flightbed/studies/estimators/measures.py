@@ -172,8 +172,8 @@ def _declared(entrant: Entrant, found: Mapping[Key, Sequence[Any]]) -> Entrant:
     if entrant.alarm != UNDECLARED:
         return entrant
     flights = [flown for key, each in found.items() if key[0] in (TOGETHER, WITHOUT_FAILURE) for flown in each]
-    told = [flown.metrics.estimators[entrant.name] for flown in flights if entrant.name in flown.metrics.estimators]
-    raised = any(m.false_alarms > 0 or m.detected_at_s is not None for m in told)
+    metrics = [flown.metrics.estimators[entrant.name] for flown in flights if entrant.name in flown.metrics.estimators]
+    raised = any(m.false_alarms > 0 or m.detected_at_s is not None for m in metrics)
     return replace(entrant, alarm=CHANGED if raised else "")
 
 

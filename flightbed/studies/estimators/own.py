@@ -8,7 +8,7 @@ from typing import Any
 
 from flightbed.config.families import in_use, summary
 from flightbed.config.kinds import EstimatorSettings
-from flightbed.config.reading import frozen, problems, read_toml
+from flightbed.config.reading import read_toml, validation_lines, with_tuples
 from flightbed.config.table import ValidationError
 from flightbed.core.errors import InputError, ScenarioError
 from flightbed.studies.estimators.comparison import Comparison
@@ -65,9 +65,9 @@ def _entrant(place: str, table: Mapping[str, Any]) -> Entrant:
     """Return a row of the tables for a table of settings."""
     name = str(table["kind"]).rpartition(":")[2].rpartition(".")[2]
     try:
-        settings = EstimatorSettings.model_validate(frozen({"name": name, **table}))
+        settings = EstimatorSettings.model_validate(with_tuples({"name": name, **table}))
     except ValidationError as error:
-        raise ScenarioError(problems(error, place, model=EstimatorSettings)) from None
+        raise ScenarioError(validation_lines(error, place, model=EstimatorSettings)) from None
     own = {key: value for key, value in table.items() if key != "name"}
     return Entrant(settings.name, own, _known(settings.kind), _UNSAID, _UNSAID, UNDECLARED)
 
