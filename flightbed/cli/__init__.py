@@ -1,1 +1,1 @@
-"""The command line: arguments, exit codes, text on the terminal. The only package that imports cyclopts; it computes no results."""
+"""The command line, one command per file. The only package that imports cyclopts."""
