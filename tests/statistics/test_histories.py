@@ -231,7 +231,7 @@ def test_points_that_keep_histories_are_chosen(tmp_path: Path, more: str, kept: 
     assert sorted(flown.histories) == kept
     assert (folder / "histories.parquet").exists() == bool(kept)
     sections = histories_sections(flown)
-    assert [s.text[-1] for s in sections] == ["Shown are 2 of 4 points; the campaign file chooses 2."] * bool(kept)
+    assert [s.text[-1] for s in sections] == ["Shown are 2 of 4 points; the campaign file selects 2."] * bool(kept)
 
 
 def test_of_many_points_a_few_that_span_the_grid_keep_histories(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def markdown(table: Table) -> str:
 
 def rows(table: Table) -> str:
     """Return heads and rows of a table in Markdown."""
-    return "\n".join(map(_row, [table.columns, ["---"] * len(table.columns), *map(table.shown, table.rows)]))
+    return "\n".join(map(_row, [table.columns, ["---"] * len(table.columns), *map(table.cell_texts, table.rows)]))
 
 
 def _row(cells: Sequence[str]) -> str:
