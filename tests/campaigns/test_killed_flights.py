@@ -27,8 +27,7 @@ SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]
 NAME = "deadly.py:Deadly"
 CODE = """
 import os, signal
-from flightbed.estimation.loop_gain import LoopGain
-from flightbed.factories import loop_gain_config
+from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
 
 
 class Deadly:

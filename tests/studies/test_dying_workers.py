@@ -28,8 +28,7 @@ SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]
 CODE = '''
 import os, signal, random
 from multiprocessing import parent_process
-from flightbed.estimation.loop_gain import LoopGain
-from flightbed.factories import loop_gain_config
+from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
 
 
 def kill_first(marker):
