@@ -1,10 +1,11 @@
-# Two doors. `make run` sets up, flies the main scenario and compares; `make test` sets up and checks everything.
+# Two doors. `make run` sets up, flies the main scenario and compares; `make test` sets up and runs the checks of every change (under 10 min).
+# `make test-long` runs the long tests (under 45 min): fuzz, damaged files, kills, notebooks, wheel, lowest permitted versions.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test setup clean
+.PHONY: run test test-long setup clean
 
 run: setup
 	$(BIN)/flightbed run nominal --out runs/nominal
@@ -19,7 +20,10 @@ test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest -n auto --dist loadfile
+	$(BIN)/pytest -n auto --dist loadfile -m "not long"
+
+test-long: setup
+	$(BIN)/pytest -n auto --dist worksteal -m long
 
 setup: $(READY)
 
