@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from flightbed.core import data
 from flightbed.flight.pacing import WallClock
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
+from tests.test_architecture import LEVEL
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -100,3 +102,26 @@ def test_links_between_documents_lead_somewhere() -> None:
     for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), ROOT / "aircraft" / "f16" / "README.md"]:
         for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text()):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
+
+
+def test_every_file_that_the_architecture_page_names_exists() -> None:
+    named = set(re.findall(r"`((?:[a-z_]+/)*[a-z_]+\.py)`", ARCHITECTURE))
+    assert len(named) > 30
+    missing = {n for n in named if not any((ROOT / top / n).is_file() for top in ("flightbed", "")) and "/" in n}
+    assert missing == set()
+
+
+def test_the_walks_of_the_architecture_page_go_down_along_imports() -> None:
+    section = ARCHITECTURE[ARCHITECTURE.index("## Three walks") : ARCHITECTURE.index("## Telemetry")]
+    walks = re.findall(r"`[\w/]+\.py` \(\d\)(?:\s+->\s+`[\w/]+\.py` \(\d\))+", section)
+    assert len(walks) == 12
+    for walk in walks:
+        steps = [(m[0], int(m[1])) for m in re.findall(r"`([\w/]+\.py)` \((\d)\)", walk)]
+        for (source, level), (target, lower) in pairwise(steps):
+            assert LEVEL[source.split("/")[0]] == level, source
+            assert LEVEL[target.split("/")[0]] == lower < level, walk
+            text = (ROOT / "flightbed" / source).read_text()
+            assert f"from flightbed.{target.split('/')[0]}" in text, f"{source} does not import {target}"

@@ -21,7 +21,7 @@ from flightbed.core.errors import FlightbedError, OutputError
 from flightbed.core.estimate_names import estimate_name
 from flightbed.document import palette
 from flightbed.document.document import Cell, Table
-from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.reading import load_scenario
 
 # heading, with its unit -> value
@@ -161,7 +161,7 @@ def _read(place: Path) -> _Read:
 def _idle(scenario: Mapping[str, Any]) -> Collection[str]:
     """Return the keys without effect; none for a scenario with own code, which is not loaded."""
     try:
-        return idle_keys(load_scenario(scenario))
+        return unused_keys(load_scenario(scenario))
     except FlightbedError:
         return ()
 

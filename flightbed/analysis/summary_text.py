@@ -9,7 +9,7 @@ from flightbed.analysis.summary import RunSummary
 from flightbed.config import families
 from flightbed.config.kinds import Command, RollCommand, SideslipCommand
 from flightbed.core.units import unit_of
-from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.tables import Scenario
 
 
@@ -155,7 +155,7 @@ def command(scenario: Scenario, place: str = "command") -> str:
         place: the table of the command: ``"command"``, ``"lateral.roll"`` or ``"lateral.sideslip"``.
 
     """
-    idle, lateral = idle_keys(scenario), scenario.lateral
+    idle, lateral = unused_keys(scenario), scenario.lateral
     tables: dict[str, Command | RollCommand | SideslipCommand] = {
         "command": scenario.command,
         "lateral.roll": lateral.roll,

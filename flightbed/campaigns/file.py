@@ -16,7 +16,7 @@ from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, did_you_mean
 from flightbed.flight.plan import plan
 from flightbed.models.linear_aircraft import load_flyable
-from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.estimates import estimates
 from flightbed.scenario.own_code import named_by
 from flightbed.scenario.reading import build, changed, validated
@@ -177,7 +177,7 @@ def _point_problems(
             varied = ", ".join(f"{key} = {value}" for key, value in values.items())
             problem = f"{place}: axes: {varied}: there is {there_is} estimate '{name}', unlike in the base; split it into two campaigns"
             found[problem] = None
-        without = idle_keys(scenario)
+        without = unused_keys(scenario)
         idle.update({key: without[key] for key in values if key in without})
         effective.update(key for key in values if key not in without)
     useless = [f"{origins[k]}.key: {k} has no effect with {why}" for k, why in idle.items() if k not in effective]

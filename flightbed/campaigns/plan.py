@@ -20,7 +20,7 @@ from flightbed.campaigns.settings import AxisSettings, CampaignSettings
 from flightbed.config.overrides import replaced, setting
 from flightbed.config.own_code import Extension
 from flightbed.core.versions import versions
-from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.reading import validated
 from flightbed.scenario.tables import Scenario
 
@@ -107,7 +107,7 @@ class Programme:
 
     def overrides(self, flight: Flight) -> str:
         """Return the options of ``flightbed run`` that turn the base scenario into this flight; values without effect are left out."""
-        idle = idle_keys(scenario_of(self.raw, flight))
+        idle = unused_keys(scenario_of(self.raw, flight))
         texts = [setting(key, value) for key, value in flight.values.items() if key not in idle]
         return "".join(f" --set {shlex.quote(text)}" for text in (*texts, f"seed={flight.seed}"))
 

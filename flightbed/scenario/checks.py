@@ -1,4 +1,4 @@
-"""Checks between the keys of a scenario: contradictions, and keys without effect under another setting."""
+"""Checks between the keys of a scenario: conflicts, and keys without effect under another setting."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ _LOOP_GAIN_ONLY = ("input", "input_at", "alarm_threshold", "follow_disturbances"
 _TWO_STAGE_ONLY = (*_LATERAL_DISTURBANCES, "variance_min", "variance_max", "walk_std", "false_alarm")
 _PRIOR = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
 # Keys that a kind of estimator never uses, whatever its other settings; kinds of installed packages may use any key.
-_ESTIMATOR_IDLE: Mapping[str, tuple[str, ...]] = MappingProxyType(
+_UNUSED_BY_ESTIMATOR: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "loop-gain": (*_TWO_STAGE_ONLY, *_PLID_ONLY, *reconstruction_checks.KEYS),
         "differentiated-rls": (
@@ -83,8 +83,8 @@ _MEMORIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def contradictions(scenario: Scenario) -> list[str]:
-    """Return the contradictions between keys of a scenario, one message per line: "place: problem (got value); cure"."""
+def conflicts(scenario: Scenario) -> list[str]:
+    """Return the conflicts between keys of a scenario, one message per line: "place: problem (got value); cure"."""
     hz, ticks = scenario.rates.control_hz, scenario.ticks
     problems = []
     if abs(scenario.duration_s * hz - ticks) > 1e-6 or ticks < 1:
@@ -104,22 +104,22 @@ def contradictions(scenario: Scenario) -> list[str]:
             for key in _FAILURE_NEEDS.get(failure.kind, ())
             if key not in failure.model_fields_set
         ]
-    problems += _surface_contradictions(scenario)
-    problems += reconstruction_checks.contradictions(scenario)
-    problems += _command_contradictions(scenario.command, hz)
+    problems += _surface_conflicts(scenario)
+    problems += reconstruction_checks.conflicts(scenario)
+    problems += _command_conflicts(scenario.command, hz)
     if scenario.lateral.enabled:
-        problems += _command_contradictions(scenario.lateral.roll, hz, "lateral.roll")
-        problems += _command_contradictions(scenario.lateral.sideslip, hz, "lateral.sideslip")
+        problems += _command_conflicts(scenario.lateral.roll, hz, "lateral.roll")
+        problems += _command_conflicts(scenario.lateral.sideslip, hz, "lateral.sideslip")
     names = [estimator.name for estimator in scenario.estimators]
     for i, estimator in enumerate(scenario.estimators):
         if estimator.name in names[:i]:
             problems.append(f"estimators.{i}.name: must be unique (got '{estimator.name}' twice)")
-        problems += _estimator_contradictions(f"estimators.{i}", estimator, lateral=scenario.lateral.enabled)
+        problems += _estimator_conflicts(f"estimators.{i}", estimator, lateral=scenario.lateral.enabled)
     control, adaptation = scenario.control, scenario.adaptation
     if control.state_from and control.state_from not in names:
         problems.append(_no_estimator("control.state_from", control.state_from, names))
-    problems += _redesign_contradictions(scenario)
-    problems += _load_factor_contradictions(scenario)
+    problems += _redesign_conflicts(scenario)
+    problems += _load_factor_conflicts(scenario)
     problems += _options_of_built_ins(scenario)
     if control.gains is not None and control.poles is not None:
         problems.append(
@@ -130,7 +130,7 @@ def contradictions(scenario: Scenario) -> list[str]:
     return problems
 
 
-def _estimator_contradictions(place: str, estimator: EstimatorSettings, *, lateral: bool) -> list[str]:
+def _estimator_conflicts(place: str, estimator: EstimatorSettings, *, lateral: bool) -> list[str]:
     kind, memory, problems = estimator.kind, estimator.memory, []
     if kind == "loop-gain" and estimator.model == "scheduled" and estimator.input == "deviation":
         problems.append(
@@ -150,7 +150,7 @@ def _estimator_contradictions(place: str, estimator: EstimatorSettings, *, later
     return problems
 
 
-def _surface_contradictions(scenario: Scenario) -> list[str]:
+def _surface_conflicts(scenario: Scenario) -> list[str]:
     problems = []
     for i, failure in enumerate(scenario.failures):
         if failure.surface == "elevator":
@@ -166,7 +166,7 @@ def _surface_contradictions(scenario: Scenario) -> list[str]:
     return problems
 
 
-def _redesign_contradictions(scenario: Scenario) -> list[str]:
+def _redesign_conflicts(scenario: Scenario) -> list[str]:
     adaptation, problems = scenario.adaptation, []
     if not (adaptation.enabled and adaptation.method == "redesign"):
         return []
@@ -187,7 +187,7 @@ def _redesign_contradictions(scenario: Scenario) -> list[str]:
     return problems
 
 
-def _load_factor_contradictions(scenario: Scenario) -> list[str]:
+def _load_factor_conflicts(scenario: Scenario) -> list[str]:
     control, adaptation, problems = scenario.control, scenario.adaptation, []
     if control.law not in LOAD_FACTOR_LAWS:
         return []
@@ -233,9 +233,7 @@ def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
     return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; known: {', '.join(names) or 'none'}"
 
 
-def _command_contradictions(
-    command: Command | RollCommand | SideslipCommand, hz: int, place: str = "command"
-) -> list[str]:
+def _command_conflicts(command: Command | RollCommand | SideslipCommand, hz: int, place: str = "command") -> list[str]:
     kind = command.kind
     shortest = {"doublet": ("period_s", 2), "3-2-1-1": ("period_s", 7), "random": ("switch_s", 1)}
     if kind in shortest:
@@ -267,12 +265,14 @@ def _command_contradictions(
     return problems
 
 
-def idle_keys(scenario: Scenario) -> dict[str, str]:
+def unused_keys(scenario: Scenario) -> dict[str, str]:
     """Return key without effect -> setting that disables it."""
     lateral, adaptation = scenario.lateral, scenario.adaptation
-    keys = _idle_in_command("command", scenario.command)
+    keys = _unused_in_command("command", scenario.command)
     if lateral.enabled:
-        keys |= _idle_in_command("lateral.roll", lateral.roll) | _idle_in_command("lateral.sideslip", lateral.sideslip)
+        keys |= _unused_in_command("lateral.roll", lateral.roll) | _unused_in_command(
+            "lateral.sideslip", lateral.sideslip
+        )
     else:
         own = {f"lateral.{key}" for key in type(lateral).model_fields if key != "enabled"}
         own |= {f"lateral.{axis}.{key}" for axis in ("roll", "sideslip") for key in type(lateral.roll).model_fields}
@@ -292,7 +292,7 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
         keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
     if scenario.control.law != "lq" and families.is_built_in("laws", scenario.control.law):
         keys |= {f"control.weights.{key}": f"control.law = '{scenario.control.law}'" for key in _WEIGHTS}
-    keys |= _idle_in_g(scenario)
+    keys |= _unused_in_g(scenario)
     if scenario.control.law == "lq":
         keys |= {f"control.{key}": "control.law = 'lq'" for key in ("poles", "gains", "integral_pole_rad_s")}
     for i, failure in enumerate(scenario.failures):
@@ -303,17 +303,17 @@ def idle_keys(scenario: Scenario) -> dict[str, str]:
         useless += ["surface"] if failure.kind == "cg-shift" else []
         keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
     for i, gust in enumerate(scenario.gusts):
-        keys |= reconstruction_checks.idle_in_gust(f"gusts.{i}", gust)
+        keys |= reconstruction_checks.unused_in_gust(f"gusts.{i}", gust)
     for i, estimator in enumerate(scenario.estimators):
         place = f"estimators.{i}"
-        idle_here = _idle_in_estimator(place, estimator, lateral=lateral.enabled)
+        idle_here = _unused_in_estimator(place, estimator, lateral=lateral.enabled)
         keys |= {f"{place}.{key}": why for key, why in idle_here.items()}
     return keys
 
 
-def _idle_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: bool) -> dict[str, str]:
+def _unused_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: bool) -> dict[str, str]:
     kind = estimator.kind
-    keys = dict.fromkeys(_ESTIMATOR_IDLE.get(kind, ()), f"{place}.kind = '{kind}'")
+    keys = dict.fromkeys(_UNUSED_BY_ESTIMATOR.get(kind, ()), f"{place}.kind = '{kind}'")
     only_with = {
         "loop-gain": {"window": "window", "alarm_threshold": "window", "forgetting": "fading"},
         "two-stage": {"forgetting": "fading", "variance_min": "variable", "variance_max": "variable"},
@@ -323,13 +323,13 @@ def _idle_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: boo
             keys[key] = f"{place}.memory = '{estimator.memory}'"
     if kind == "two-stage" and not lateral:
         keys |= dict.fromkeys(_LATERAL_DISTURBANCES, "lateral.enabled = false")
-    keys |= reconstruction_checks.idle_in_estimator(place, estimator, *_PRIOR, *_PLID_ONLY, *_LATERAL_DISTURBANCES)
+    keys |= reconstruction_checks.unused_in_estimator(place, estimator, *_PRIOR, *_PLID_ONLY, *_LATERAL_DISTURBANCES)
     if kind == "loop-gain" and estimator.prior.state == "measurement":
         keys |= {f"prior.{key}": f"{place}.prior.state = 'measurement'" for key in _FIXED_PRIOR}
     return keys
 
 
-def _idle_in_g(scenario: Scenario) -> dict[str, str]:
+def _unused_in_g(scenario: Scenario) -> dict[str, str]:
     """Return the idle keys that depend on whether the flight is commanded in g -> setting that disables them."""
     law, why = scenario.control.law, f"control.law = '{scenario.control.law}'"
     identification = {f"control.identification.{key}" for key in _IDENTIFICATION}
@@ -354,7 +354,7 @@ def _idle_in_g(scenario: Scenario) -> dict[str, str]:
     return keys
 
 
-def _idle_in_command(place: str, command: Command | RollCommand | SideslipCommand) -> dict[str, str]:
+def _unused_in_command(place: str, command: Command | RollCommand | SideslipCommand) -> dict[str, str]:
     unused = _COMMAND_KEYS - _COMMAND_USES.get(command.kind, _COMMAND_KEYS)
     if "amplitude_deg" in type(command).model_fields:
         unused = {"amplitude_deg" if key == "amplitude_deg_s" else key for key in unused}

@@ -11,7 +11,7 @@ from flightbed.config.reading import frozen, problems, read_toml, shown
 from flightbed.config.table import ValidationError
 from flightbed.core import data
 from flightbed.core.errors import ScenarioError
-from flightbed.scenario.checks import contradictions, idle_keys
+from flightbed.scenario.checks import conflicts, unused_keys
 from flightbed.scenario.tables import Scenario
 
 __all__ = ["Scenario", "load_scenario"]
@@ -48,7 +48,7 @@ def changed(raw: Mapping[str, Any], place: str, overrides: Sequence[str]) -> tup
         raw = {**raw, "description": f"{description} (changed: {', '.join(overrides)})".strip()}
     scenario = validated(raw, place, dict.fromkeys(overridden, "--set"))
     if idle := [
-        f"--set {key}: has no effect with {why}" for key, why in idle_keys(scenario).items() if key in overridden
+        f"--set {key}: has no effect with {why}" for key, why in unused_keys(scenario).items() if key in overridden
     ]:
         raise ScenarioError(idle)
     return raw, scenario
@@ -70,6 +70,6 @@ def validated(raw: Mapping[str, Any], place: str, origins: Mapping[str, str]) ->
         scenario = Scenario.model_validate(frozen(raw))
     except ValidationError as error:
         raise ScenarioError(problems(error, place, origins, model=Scenario)) from None
-    if found := contradictions(scenario):
+    if found := conflicts(scenario):
         raise ScenarioError([f"{place}: {line}" for line in found])
     return scenario

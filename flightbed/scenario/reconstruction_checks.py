@@ -1,4 +1,4 @@
-"""Keys of gusts and of estimators that reconstruct an unknown input: contradictions and keys without effect; part of ``consistency``."""
+"""Keys of gusts and of estimators that reconstruct an unknown input: conflicts and keys without effect; part of ``consistency``."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ _ELEVATOR = (
 _DISTURBANCES = ("alpha_disturbance_deg_s", "q_disturbance_deg_s2")
 _SHORTEST = 6  # ticks, shortest window of the test
 _GUST_NEEDS: Mapping[str, str] = MappingProxyType({"1-cos": "rise_s", "sine": "frequency_hz"})
-_GUST_IDLE: Mapping[str, Sequence[str]] = MappingProxyType(
+_UNUSED_BY_GUST: Mapping[str, Sequence[str]] = MappingProxyType(
     {"1-cos": ("frequency_hz",), "sine": ("rise_s", "hold_s")},
 )
 
 
-def contradictions(scenario: Scenario) -> list[str]:
-    """Return the contradictions in a scenario, one line each."""
+def conflicts(scenario: Scenario) -> list[str]:
+    """Return the conflicts in a scenario, one line each."""
     problems = [
         f"gusts.{i}.{needed}: is missing; a gust of shape '{gust.shape}' needs it"
         for i, gust in enumerate(scenario.gusts)
@@ -64,12 +64,12 @@ def contradictions(scenario: Scenario) -> list[str]:
     return problems
 
 
-def idle_in_gust(place: str, gust: GustSettings) -> dict[str, str]:
+def unused_in_gust(place: str, gust: GustSettings) -> dict[str, str]:
     """Return key -> the setting that leaves it without effect."""
-    return {f"{place}.{key}": f"{place}.shape = '{gust.shape}'" for key in _GUST_IDLE[gust.shape]}
+    return {f"{place}.{key}": f"{place}.shape = '{gust.shape}'" for key in _UNUSED_BY_GUST[gust.shape]}
 
 
-def idle_in_estimator(place: str, estimator: EstimatorSettings, *others: str) -> dict[str, str]:
+def unused_in_estimator(place: str, estimator: EstimatorSettings, *others: str) -> dict[str, str]:
     """Return key, without its place, -> the setting that leaves it without effect; ``others`` are keys of other kinds."""
     kind = estimator.kind
     if kind not in KINDS:

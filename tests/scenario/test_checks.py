@@ -1,4 +1,4 @@
-"""Checks between keys: contradictions, and keys without effect under another setting."""
+"""Checks between keys: conflicts, and keys without effect under another setting."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flightbed.config.own_code import using
 from flightbed.core.errors import ScenarioError
 from flightbed.core.units import DEG
 from flightbed.runs.run import run
-from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.own_code import named_by
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import rolling
@@ -55,10 +55,10 @@ def test_the_error_names_a_missing_gain() -> None:
 def test_the_same_keys_are_accepted_where_they_have_an_effect() -> None:
     sets = ["control.law=proportional-integral", "control.gains.integral=-3", "control.state_from=expanding"]
     sets += ["estimators.0.input_at=start", "estimators.0.prior.first_reading=used", "process_noise.q_std_deg_s2=1"]
-    idle = idle_keys(load_scenario("thesis-loss", sets))
+    idle = unused_keys(load_scenario("thesis-loss", sets))
     assert not {text.partition("=")[0] for text in sets} & set(idle)
     assert "control.integral_pole_rad_s" in idle
-    assert "control.integral_pole_rad_s" not in idle_keys(
+    assert "control.integral_pole_rad_s" not in unused_keys(
         load_scenario("nominal", ["control.law=proportional-integral"])
     )
 
@@ -123,10 +123,10 @@ def test_the_keys_of_the_two_stage_filter_are_accepted_where_they_have_an_effect
         "prior.effectiveness_std",
     )
     sets = [f"estimators.0.{key}={3 if key == 'window' else 0.1}" for key in keys if key != "variance_max"]
-    idle = idle_keys(rolling(sets))
+    idle = unused_keys(rolling(sets))
     assert not {f"estimators.0.{key}" for key in keys} & set(idle)
     faded = rolling(["estimators.0.memory=fading", "estimators.0.forgetting=0.95"])
-    assert "estimators.0.forgetting" not in idle_keys(faded)
+    assert "estimators.0.forgetting" not in unused_keys(faded)
 
 
 def test_external_roll_and_sideslip_commands_are_listed_only_with_lateral_axes() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from flightbed.config import families
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, UnknownNameError
-from flightbed.scenario.checks import idle_keys
+from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.reading import Scenario, load_scenario
 
 FILE = "scenarios/elevator-loss.toml"
@@ -162,7 +162,7 @@ def test_every_key_of_a_command_is_either_used_or_an_error() -> None:
         make, plain = families.factory("commands", kind), settings.command
         for key, value in changes.items():
             differs = not np.array_equal(make(plain.model_copy(update={key: value}))(t), make(plain)(t))
-            assert differs != (f"command.{key}" in idle_keys(settings)), (kind, key)
+            assert differs != (f"command.{key}" in unused_keys(settings)), (kind, key)
 
 
 def test_dither_has_a_small_default_amplitude() -> None:
