@@ -19,10 +19,11 @@ run: setup
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/python -m tests.compile_kernels & compiling=$$!; $(BIN)/mypy || { kill $$compiling; exit 1; }; wait $$compiling
 	$(BIN)/pytest -n auto --dist loadfile -m "not long"
 
 test-long: setup
+	$(BIN)/python -m tests.compile_kernels
 	$(BIN)/pytest -n auto --dist worksteal -m long
 
 setup: $(READY)

@@ -13,7 +13,11 @@ def test_the_wheel_holds_the_package_and_its_data_and_nothing_else(tmp_path: Pat
         names = {name for name in wheel.namelist() if not name.partition("/")[0].endswith(".dist-info")}
     expected = set()
     for folder, place in (("flightbed", "flightbed"), ("aircraft", "flightbed/aircraft_data"), ("scenarios", "flightbed/scenario_data")):  # fmt: skip
-        files = [path for path in (ROOT / folder).rglob("*") if path.is_file() and path.suffix not in (".pyc", ".nbi", ".nbc")]
+        files = [
+            path
+            for path in (ROOT / folder).rglob("*")
+            if path.is_file() and path.suffix not in (".pyc", ".nbi", ".nbc")
+        ]
         expected |= {f"{place}/{path.relative_to(ROOT / folder).as_posix()}" for path in files}
     assert names == expected
     assert {

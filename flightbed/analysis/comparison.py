@@ -321,6 +321,10 @@ def _number(value: Any) -> bool:
 def folder_of(run_folder: str | Path) -> Path:
     """Return the folder of a run. Raises OutputError for a folder without metrics.json."""
     folder = Path(run_folder)
-    if not (folder / "metrics.json").is_file():
+    try:
+        found = (folder / "metrics.json").is_file()
+    except OSError as error:
+        raise OutputError(f"{str(folder)[:60]}: cannot be read: {error.strerror}") from None
+    if not found:
         raise OutputError(f"{folder}: not a run's folder (no metrics.json)")
     return folder

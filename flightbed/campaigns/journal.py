@@ -83,10 +83,16 @@ class Journal:
                 found = json.loads(line) if line.endswith(b"\n") else None
             except ValueError:
                 found = None
-            if not isinstance(found, dict):
+            if not self._is_row(found):
                 return
             self._whole_bytes += len(line)
             yield {sys.intern(name): value for name, value in found.items()}  # all rows share the strings of their keys
+
+    def _is_row(self, found: Any) -> bool:
+        """Return whether a stored value can be the row of a flight of this programme."""
+        return (
+            isinstance(found, dict) and type(found.get("index")) is int and 0 <= found["index"] < len(self._programme)
+        )
 
     def add(self, number: int, result: ChunkResult) -> None:
         """Write a chunk to disk. Raises OutputError; earlier chunks stay unchanged."""

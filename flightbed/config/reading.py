@@ -22,6 +22,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ScenarioError([f"{shown(path)}: cannot be read: {error}"]) from None
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError([f"{shown(path)}: not TOML: {error}"]) from None
+    except RecursionError:
+        raise ScenarioError([f"{shown(path)}: not TOML that can be read: its values are nested too deeply"]) from None
 
 
 def frozen(value: Any) -> Any:

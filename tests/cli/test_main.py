@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
+from tests.command_line import COMMAND, assert_error, assert_one_clear_line, flightbed, heed_interrupts
 
 
 def test_run_says_what_happened_and_leaves_a_folder(tmp_path: Path) -> None:
@@ -85,8 +85,31 @@ def test_errors_are_one_clear_line(tmp_path: Path, arguments: list[str], code: i
     assert_one_clear_line(arguments, code, message, cwd=tmp_path)
 
 
-@pytest.mark.parametrize("pace", [[], ["--realtime"]])
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["run", "elevator-los"], 2, "unknown scenario 'elevator-los'"),
+        (["run", "nominal", "--ot", "x"], 2, "Unknown option"),
+        (["run", "nominal", "--set", "control.poles=[[-1,0]]"], 3, "the loop has 3 states, 1 poles are given"),
+    ],
+)
+def test_errors_of_a_new_process_are_one_clear_line(
+    tmp_path: Path, arguments: list[str], code: int, message: str
+) -> None:
+    done = flightbed(*arguments, cwd=tmp_path)
+    assert_error(done.returncode, done.stdout, done.stderr, code, message)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "pace"),
+    [
+        (signal.SIGINT, 130, []),
+        (signal.SIGTERM, 143, ["--realtime"]),
+        pytest.param(signal.SIGINT, 130, ["--realtime"], marks=pytest.mark.long),
+        pytest.param(signal.SIGTERM, 143, [], marks=pytest.mark.long),
+    ],
+)
 def test_an_interrupted_flight_leaves_nothing(
     tmp_path: Path, number: signal.Signals, code: int, pace: list[str]
 ) -> None:

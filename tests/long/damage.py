@@ -37,7 +37,19 @@ def of_bytes(content: bytes, *, flips: int) -> Iterator[Damage]:
     yield "zeros in the middle", content[: len(content) // 3] + bytes(64) + content[len(content) // 3 + 64 :]
     yield "UTF-16", content.decode("latin-1").encode("utf-16")
     yield "a byte that is not UTF-8", content[: len(content) // 2] + b"\xff" + content[len(content) // 2 :]
-    for text in ("hello\n", "[]\n", "{}\n", "3\n", "null\n", '"text"\n', "a = 1\n", "[" * 100_000, "a = " + "[" * 5000, "<a/>", "PAR1"):
+    for text in (
+        "hello\n",
+        "[]\n",
+        "{}\n",
+        "3\n",
+        "null\n",
+        '"text"\n',
+        "a = 1\n",
+        "[" * 100_000,
+        "a = " + "[" * 5000,
+        "<a/>",
+        "PAR1",
+    ):
         yield f"text {text[:8]!r}", text.encode()
     for bit in sorted(rng.integers(0, 8 * len(content), flips)):
         flipped = bytearray(content)
@@ -62,7 +74,10 @@ def of_values(content: Any, dump: Callable[[Any], bytes]) -> Iterator[Damage]:
                 written = dump(damaged)
             except TypeError:  # TOML has no null
                 continue
-            yield f"{'.'.join(map(str, path))} = {value!r}" if number else f"{'.'.join(map(str, path))} removed", written
+            yield (
+                f"{'.'.join(map(str, path))} = {value!r}" if number else f"{'.'.join(map(str, path))} removed",
+                written,
+            )
 
 
 def to_json(value: Any) -> bytes:
@@ -106,7 +121,7 @@ class Commands:
                 cli.main([str(argument) for argument in arguments])
         except SystemExit as ended:
             code = ended.code
-        except BaseException as error:  # noqa: BLE001  # an exception of any kind is the defect that is looked for
+        except BaseException as error:  # an exception of any kind is the defect that is looked for
             self.wrong[label] = _place(error)
             return False
         lines = err.getvalue().splitlines()
@@ -130,7 +145,7 @@ class Commands:
             if not several and len(str(error).splitlines()) != 1:
                 self.wrong[label] = f"{len(str(error).splitlines())} lines: {str(error)[:300]!r}"
             return None
-        except BaseException as error:  # noqa: BLE001
+        except BaseException as error:
             self.wrong[label] = _place(error)
             return None
         self.done += 1

@@ -34,7 +34,9 @@ def _count_and_kill(folder: Path, kill_at: int) -> None:
 
     def hook(event: str, arguments: tuple[Any, ...]) -> None:
         nonlocal count
-        if event in EVENTS and any(str(folder) in os.fsdecode(a) for a in arguments if isinstance(a, str | bytes | Path)):
+        if event in EVENTS and any(
+            str(folder) in os.fsdecode(a) for a in arguments if isinstance(a, str | bytes | Path)
+        ):
             count += 1
             if count == kill_at:
                 (folder / "event").write_text(f"{event} {Path(str(arguments[0])).name}")

@@ -16,9 +16,9 @@ import pytest
 
 from flightbed.campaigns import run as campaigns
 from flightbed.campaigns.file import load_programme
+from flightbed.document.document import Section
 from flightbed.parallel.executor import opener
 from flightbed.studies.base import Study, Trials, keyed, reproduce
-from flightbed.document.document import Section
 from tests.campaigns.test_journal import started, workers_of
 from tests.parallel.test_processes import kill_one_of_two
 from tests.wheels import ROOT
@@ -67,7 +67,11 @@ def test_a_campaign_killed_again_and_again(undisturbed: Path, tmp_path: Path, wo
             process.kill()
         assert "summary.json" not in {p.name for p in (tmp_path / "x").iterdir()}
     done = subprocess.run(
-        [sys.executable, "-m", "flightbed", *command, "--resume"], cwd=tmp_path, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "flightbed", *command, "--resume"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")
     _assert_the_same(tmp_path / "x", undisturbed)
@@ -130,7 +134,13 @@ def test_a_study_whose_workers_are_killed_at_any_seed(
         return found["trials"]
 
     undisturbed = drawn("none", (), None)
-    rounds = [(0,), (9, 10), (TRIALS - 1,), (3, 4), *(tuple(map(int, rng.choice(TRIALS, 3, replace=False))) for _ in range(4))]
+    rounds = [
+        (0,),
+        (9, 10),
+        (TRIALS - 1,),
+        (3, 4),
+        *(tuple(map(int, rng.choice(TRIALS, 3, replace=False))) for _ in range(4)),
+    ]
     for number, victims in enumerate(rounds):
         assert drawn(f"round-{number}", victims, workers) == undisturbed, victims
         assert len(list(tmp_path.glob(f"round-{number}-*"))) == len(victims)

@@ -23,7 +23,9 @@ def oldest(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _flightbed(python: Path, *arguments: object, cwd: Path) -> str:
-    return call(python, "-m", "flightbed", *arguments, cwd=cwd, PYTHONPATH=str(ROOT), NUMBA_CACHE_DIR=str(cwd / "numba"))
+    return call(
+        python, "-m", "flightbed", *arguments, cwd=cwd, PYTHONPATH=str(ROOT), NUMBA_CACHE_DIR=str(cwd / "numba")
+    )
 
 
 def test_a_pin_is_the_lower_bound() -> None:
@@ -36,7 +38,9 @@ def test_a_pin_is_the_lower_bound() -> None:
 
 
 def test_the_installed_versions_are_the_pinned_ones(oldest: Path, tmp_path: Path) -> None:
-    listed = json.loads(call(oldest, "-m", "pip", "list", "--format", "json", "--disable-pip-version-check", cwd=tmp_path))
+    listed = json.loads(
+        call(oldest, "-m", "pip", "list", "--format", "json", "--disable-pip-version-check", cwd=tmp_path)
+    )
     found = {re.sub(r"[-_.]+", "-", item["name"]).lower(): item["version"] for item in listed}
     for pin in pins(["dev"], TOOLS):
         name, version = pin.split("==")
@@ -49,7 +53,9 @@ def test_golden_flights(oldest: Path, tmp_path: Path) -> None:
         oldest, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/test_golden_flights.py",
         cwd=ROOT, PYTHONPATH=str(ROOT), NUMBA_CACHE_DIR=str(tmp_path / "numba"),
     )  # fmt: skip
-    assert re.search(r"golden flights: \d+ shipped scenarios: 0 columns compared by SHA-256, \d{4} with samples", printed), printed
+    assert re.search(
+        r"golden flights: \d+ shipped scenarios: 0 columns compared by SHA-256, \d{4} with samples", printed
+    ), printed
 
 
 def test_a_run_linearize_and_a_campaign(oldest: Path, tmp_path: Path) -> None:
