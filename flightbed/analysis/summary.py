@@ -254,7 +254,7 @@ def _mistyped(value: Any, kind: Any, place: str) -> str | None:
         return None if any(_mistyped(value, one, place) is None for one in inner) else f"{place} = {value!r}"
     if kind is Any:
         return None
-    if is_dataclass(kind) and isinstance(value, kind):
+    if isinstance(kind, type) and is_dataclass(kind) and isinstance(value, kind):
         hints = get_type_hints(kind)
         found = (_mistyped(getattr(value, one.name), hints[one.name], one.name) for one in fields(kind))
     elif origin in (dict, Mapping) and isinstance(value, dict):

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeGuard
 
 from flightbed.campaigns.histories import Histories
 from flightbed.campaigns.plan import Programme
@@ -88,7 +88,7 @@ class Journal:
             self._whole_bytes += len(line)
             yield {sys.intern(name): value for name, value in found.items()}  # all rows share the strings of their keys
 
-    def _is_row(self, found: Any) -> bool:
+    def _is_row(self, found: Any) -> TypeGuard[dict[str, Any]]:
         """Return whether a stored value can be the row of a flight of this programme."""
         return (
             isinstance(found, dict) and type(found.get("index")) is int and 0 <= found["index"] < len(self._programme)

@@ -32,10 +32,10 @@ SCENARIO = ["--set", "duration_s=2", "--set", "failures.0.at_s=1"]  # of thesis-
 RUNS = 120
 
 
-@pytest.mark.parametrize(("kind", "least"), [("campaign", 40), ("run", 8)])
-def test_killed_at_every_file_operation(tmp_path: Path, kind: str, least: int) -> None:
-    """Of one process; the flights are flown in it."""
-    command = [sys.executable, "-m", "tests.long.killed_at_events", kind, str(tmp_path), "1"]
+@pytest.mark.parametrize(("kind", "step", "least"), [("campaign", "3", 12), ("run", "1", 12)])
+def test_killed_at_file_operations(tmp_path: Path, kind: str, step: str, least: int) -> None:
+    """At each of a run, at every third of a campaign; the flights are flown in the process that dies."""
+    command = [sys.executable, "-m", "tests.long.killed_at_events", kind, str(tmp_path), step]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
     rounds = [json.loads(line) for line in done.stdout.splitlines()]
