@@ -26,7 +26,8 @@ REPRESENTATIVE = (
 
 def representative(values: Iterable[Any], fast: Container[Any] = REPRESENTATIVE) -> list[Any]:
     """Return values as parameters of a test, those not in ``fast`` for the long suite only."""
-    return [value if value in fast else pytest.param(value, marks=pytest.mark.long) for value in values]
+    several = [(value, value if isinstance(value, tuple) else (value,)) for value in values]
+    return [pytest.param(*parts, marks=[] if value in fast else pytest.mark.long) for value, parts in several]
 
 
 def fly_shipped(name: str) -> Result:
