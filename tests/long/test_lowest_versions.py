@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.lowest_versions import lowest, pins
-from tests.wheels import ROOT, call, fresh_environment
+from tests.wheels import ROOT, build_wheel, call, fresh_environment
 
 pytestmark = pytest.mark.long
 
@@ -18,14 +18,13 @@ TOOLS = ("pytest", "pytest-timeout", "hypothesis")  # the golden flights are tes
 
 @pytest.fixture(scope="module")
 def oldest(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Python of an environment with the lowest versions; flightbed is imported from the source tree."""
-    return fresh_environment(tmp_path_factory.mktemp("oldest") / "env", *pins(["dev"], TOOLS))
+    """Python of an environment with flightbed's wheel and the lowest versions."""
+    folder = tmp_path_factory.mktemp("oldest")
+    return fresh_environment(folder / "env", *pins(["dev"], TOOLS), build_wheel(folder))
 
 
 def _flightbed(python: Path, *arguments: object, cwd: Path) -> str:
-    return call(
-        python, "-m", "flightbed", *arguments, cwd=cwd, PYTHONPATH=str(ROOT), NUMBA_CACHE_DIR=str(cwd / "numba")
-    )
+    return call(python.with_name("flightbed"), *arguments, cwd=cwd)
 
 
 def test_a_pin_is_the_lower_bound() -> None:
