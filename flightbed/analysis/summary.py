@@ -266,7 +266,9 @@ def _mistyped(value: Any, kind: Any, place: str) -> str | None:
         found = (_mistyped(one, part, place) for one, part in zip(value, kinds, strict=True))
     else:
         if origin is Literal:
-            valid = value in inner
+            valid = any(value == one for one in inner)
+        elif origin is not None:  # a mapping or a tuple was expected
+            valid = False
         elif kind in (float, complex):
             valid = isinstance(value, int | float | complex) and not isinstance(value, bool) and isfinite(abs(value))
         else:
