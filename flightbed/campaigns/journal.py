@@ -60,10 +60,14 @@ class Journal:
         self._programme = programme
         self._folder = target / UNFINISHED
         self._rows: IO[bytes] = _locked(self._folder / "rows.jsonl")
-        indices = {row["index"] for row in self._stored()}
-        self._rows.truncate(self._whole_bytes)
-        self._rows.seek(0, os.SEEK_END)
-        self.histories = Histories(programme, self._folder)
+        try:
+            indices = {row["index"] for row in self._stored()}
+            self._rows.truncate(self._whole_bytes)
+            self._rows.seek(0, os.SEEK_END)
+            self.histories = Histories(programme, self._folder)
+        except BaseException:
+            self._rows.close()
+            raise
         chunks = range(-(-len(programme) // CHUNK))
         self.missing = [n for n in chunks if not self._is_done(n, indices)]
         self.done = len(programme) - sum(len(self._range(n)) for n in self.missing)

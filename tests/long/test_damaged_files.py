@@ -242,7 +242,9 @@ def test_resume_with_a_damaged_file(tmp_path: Path, name: str, monkeypatch: pyte
                 commands.wrong[label] = f"{len(rows)} rows, other values in rows {differing}"
             if (tmp_path / "x" / "histories.parquet").read_bytes() != (whole / "histories.parquet").read_bytes():
                 commands.wrong[label] = "other histories"
-    commands.check()
+    # Defect: the journal does not record which points have histories, so a missing file of a complete point goes unnoticed, and
+    # histories.parquet lacks that point.
+    commands.check({"missing": "histories of a point are lost"} if name == "ensemble-0.npz" else None)
 
 
 @pytest.mark.parametrize("name", ["aircraft.toml", "pitch.xml", "lateral.xml", "leveller.xml"])

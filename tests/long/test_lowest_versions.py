@@ -68,5 +68,5 @@ def test_a_run_linearize_and_a_campaign(oldest: Path, tmp_path: Path) -> None:
     assert max(poles) == pytest.approx(0.44, abs=0.01)
     assert model
     options = ["--runs", "12", "--workers", "2", "--set", "duration_s=2", "--set", "failures.0.at_s=1", "--json"]
-    summary = json.loads(_flightbed(oldest, "campaign", "elevator-loss", *options, "--out", "campaign", cwd=tmp_path))
-    assert (summary["flights"], summary["errors"]) == (12, 0)
+    printed = json.loads(_flightbed(oldest, "campaign", "elevator-loss", *options, "--out", "campaign", cwd=tmp_path))
+    assert (printed["flights"], printed["errors"]) == (12, 0)

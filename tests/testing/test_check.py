@@ -189,9 +189,9 @@ def test_a_valid_estimator_passes_and_is_measured() -> None:
     [
         (NoUpdate, ["update: a NoUpdate has no such method; give it a method update(measurement)"]),
         (NoArguments, ["building: TypeError: NoArguments() takes no arguments; accept the arguments (settings, onboard)"]),
-        (BuildsNothing, ["building: test_testing.py:LINE ValueError: no such model; accept the arguments (settings, onboard)"]),
-        (Raises, ["update: raises ZeroDivisionError: float division by zero at test_testing.py:LINE in flight 'healthy'; handle these readings"]),
-        (DividesByNothing, ["update: raises ZeroDivisionError: float division by zero at test_testing.py:LINE in flight 'nothing moves'; handle these readings"]),
+        (BuildsNothing, ["building: test_check.py:LINE ValueError: no such model; accept the arguments (settings, onboard)"]),
+        (Raises, ["update: raises ZeroDivisionError: float division by zero at test_check.py:LINE in flight 'healthy'; handle these readings"]),
+        (DividesByNothing, ["update: raises ZeroDivisionError: float division by zero at test_check.py:LINE in flight 'nothing moves'; handle these readings"]),
         (SaysNothing, ["estimate: update returns a NoneType at tick 0 of 'healthy'; return a flightbed.Estimate"]),
         (Arrays, ["effectiveness_raw: is a ndarray at tick 0 of 'healthy'; convert it with float(x)"]),
         (NotFinite, ["effectiveness: is nan at tick 0 of 'healthy'; return a finite number, with a large std if it is uncertain", "effectiveness_std: is inf at tick 0 of 'healthy'; return a finite number, with a large std if it is uncertain"]),
