@@ -146,5 +146,5 @@ def _save(path: Path, arrays: Arrays) -> None:
 
 
 def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
-    with np.load(path) as found:
+    with path.open("rb") as file, np.load(file) as found:  # np.load leaves a damaged file open
         return {name: found[name] for name in found.files}
