@@ -1,10 +1,11 @@
-# Two doors. `make run` sets up, flies the main scenario and compares; `make test` sets up and checks everything.
+# Two doors. `make run` sets up, flies the main scenario and compares; `make test` sets up and runs the checks of every change (under 10 min).
+# `make test-long` runs the long tests (under 45 min): fuzz, damaged files, kills, notebooks, wheel, lowest permitted versions.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test setup clean
+.PHONY: run test test-long setup clean
 
 run: setup
 	$(BIN)/flightbed run nominal --out runs/nominal
@@ -18,8 +19,12 @@ run: setup
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/pytest -n auto --dist loadfile
+	$(BIN)/python -m tests.compile_kernels & compiling=$$!; $(BIN)/mypy || { kill $$compiling; exit 1; }; wait $$compiling
+	$(BIN)/pytest -n auto --dist loadfile -m "not long"
+
+test-long: setup
+	$(BIN)/python -m tests.compile_kernels
+	$(BIN)/pytest -n auto --dist worksteal -m long
 
 setup: $(READY)
 

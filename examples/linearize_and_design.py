@@ -13,8 +13,8 @@ from flightbed.core.units import DEG, FT
 
 f16 = flightbed.load_aircraft("f16")
 airframe = flightbed.JsbsimAirframe(f16, mach=0.8, altitude_m=20000 * FT)
-point = flightbed.models.trim(airframe)
-model = flightbed.models.linearize(airframe, point)
+point = flightbed.trim(airframe)
+model = flightbed.linearize(airframe, point)
 print(f"trim: alpha {point.alpha_rad / DEG:.2f} deg, elevator {point.elevator_rad / DEG:.2f} deg")
 
 # %% The design model: alpha, q and the elevator position, which follows its command with a first-order lag
@@ -29,7 +29,7 @@ weights[1, 1] = 1.5**2
 k_lqr, _, _ = control.lqr(plant.A, plant.B[:, [0]], weights, np.eye(1))
 
 # %% The built-in design places poles; its gains have the opposite sign convention to control.lqr
-design = flightbed.avionics.short_period(model, actuator_rad_s=lag)
+design = flightbed.short_period(model, actuator_rad_s=lag)
 placed = design_proportional(design)
 gains = {"LQR": -k_lqr[0], "pole placement": np.array([placed.alpha, placed.q, placed.elevator])}
 

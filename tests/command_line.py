@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import signal
 import subprocess
 import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
+
+import pytest
+
+from flightbed.cli import main as cli
 
 COMMAND = [sys.executable, "-m", "flightbed"]
 
@@ -20,11 +26,24 @@ def heed_interrupts() -> None:
 
 
 def assert_one_clear_line(arguments: list[str], code: int, message: str, *, cwd: Path) -> None:
-    """An error is one line on stderr with the message, the exit code, and nothing written."""
-    done = flightbed(*arguments, cwd=cwd)
-    assert done.returncode == code
-    assert message in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert done.stderr.startswith("flightbed: ")
-    assert done.stdout == ""
+    """An error is one line on stderr with the message, the exit code, and nothing written.
+
+    The command runs in this process: a new one takes a second to start. ``tests/cli`` also reads an error of a new process.
+    """
+    out, err, handler = io.StringIO(), io.StringIO(), signal.getsignal(signal.SIGTERM)
+    try:
+        with chdir(cwd), redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
+            cli.main(arguments)
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+    assert_error(ended.value.code, out.getvalue(), err.getvalue(), code, message)
     assert list(cwd.iterdir()) == []
+
+
+def assert_error(found: object, stdout: str, stderr: str, code: int, message: str) -> None:
+    """An error is one line on stderr with the message, and the exit code."""
+    assert found == code
+    assert message in stderr
+    assert len(stderr.splitlines()) == 1
+    assert stderr.startswith("flightbed: ")
+    assert stdout == ""

@@ -4,14 +4,30 @@ from __future__ import annotations
 
 import fcntl
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Container, Iterable
 from functools import cache
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from flightbed.runs.run import Result, run
 from flightbed.scenario.reading import load_scenario
 
 ShippedFlight = Callable[[str], Result]
+
+
+# One scenario of each form of report and recording; the others are exhaustive, for `make test-long`.
+REPRESENTATIVE = (
+    "elevator-and-aileron", "elevator-hardover", "elevator-loss", "elevator-redesign", "harmonic-gust", "pull-up-loss",
+    "straight-and-level", "thesis-loss", "turbulent-loss",
+)  # fmt: skip
+
+
+def representative(values: Iterable[Any], fast: Container[Any] = REPRESENTATIVE) -> list[Any]:
+    """Return values as parameters of a test, those not in ``fast`` for the long suite only."""
+    several = [(value, value if isinstance(value, tuple) else (value,)) for value in values]
+    return [pytest.param(*parts, marks=[] if value in fast else pytest.mark.long) for value, parts in several]
 
 
 def fly_shipped(name: str) -> Result:

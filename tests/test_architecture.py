@@ -27,6 +27,7 @@ LEVELS: tuple[tuple[str, ...], ...] = (
     ("cli",),
 )
 LEVEL = {package: number for number, level in enumerate(LEVELS, start=1) for package in level}
+LONG = Path("long")  # folder of tests of `make test-long`; it mirrors no package
 # Modules beside the packages: the door, and names that programs outside rely on. Nothing inside imports them.
 DOORS = ("__init__", "__main__", "ensemble", "units")
 
@@ -263,4 +264,13 @@ def test_tests_mirror_the_packages() -> None:
     tests = ROOT / "tests"
     folders = {p.relative_to(tests) for p in tests.rglob("*") if p.is_dir() and list(p.glob("test_*.py"))}
     packages = {p.parent.relative_to(PACKAGE) for p in PACKAGE.rglob("__init__.py")}
-    assert folders <= packages | {Path()}, folders - packages
+    assert folders <= packages | {Path(), LONG}, folders - packages
+
+
+def test_the_tests_of_the_long_suite_have_its_marker() -> None:
+    files = sorted((ROOT / "tests" / LONG).glob("test_*.py"))
+    assert files
+    for path in files:
+        assigned = [node for node in ast.parse(path.read_text()).body if isinstance(node, ast.Assign)]
+        (mark,) = (node.value for node in assigned if ast.unparse(node.targets[0]) == "pytestmark")
+        assert "pytest.mark.long" in ast.unparse(mark), path.name

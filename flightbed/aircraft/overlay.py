@@ -19,7 +19,7 @@ from typing import Any
 from flightbed.aircraft.edits import EDITS, EditError, substitute
 from flightbed.core import data
 from flightbed.core.actuator import Actuator
-from flightbed.core.errors import AircraftError, did_you_mean
+from flightbed.core.errors import AircraftError, did_you_mean, printable
 from flightbed.core.units import DEG
 
 
@@ -161,8 +161,8 @@ def load_aircraft(name: str) -> Aircraft:
         raise AircraftError(
             f"{path}: refers to the file {Path(error.filename).name}; put it into the same folder"
         ) from None
-    except (OSError, ValueError, TypeError, IndexError, tomllib.TOMLDecodeError) as error:
-        raise AircraftError(f"{path}: {error}") from None
+    except (OSError, ValueError, TypeError, AttributeError, IndexError, RecursionError) as error:
+        raise AircraftError(f"{path}: {printable(str(error))}") from None
 
 
 _ACTUATOR = ("lag_rad_s", "rate_limit_rad_s", "min_rad", "max_rad")
@@ -205,6 +205,8 @@ def _check(raw: Mapping[str, Any], path: Path) -> None:
             raise AircraftError(f"{path}: unknown key {dot}{key}{did_you_mean(key, known)}")
         for key in sorted(known - set(found)):
             raise AircraftError(f"{path}: {dot}{key} is missing")
+    if not isinstance(raw["edits"], list) or not all(isinstance(edit, Mapping) for edit in raw["edits"]):
+        raise AircraftError(f"{path}: edits: must be tables, [[edits]]")
     limits, surfaces = raw["limits"], [name for name in ("elevator", *_LATERAL) if name in raw]
     given = [n in raw for n in _LATERAL] + [n in raw["properties"] for n in sorted(_LATERAL_PROPERTIES)]
     if any(given) and not all(given):

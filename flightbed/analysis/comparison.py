@@ -108,11 +108,22 @@ def load_runs(folders: Sequence[str | Path]) -> tuple[Run, ...]:
     labels = _labels([(str(one.settings["name"]), one.place) for one in read])
     return tuple(
         Run(
-            one.place, label, palette.run(i), read_trace(one.place / "trace.parquet"), one.summary, one.settings, one.idle,
+            one.place, label, palette.run(i), _trace(one.place / "trace.parquet"), one.summary, one.settings, one.idle,
             one.estimator,
         )
         for i, (label, one) in enumerate(zip(labels, read, strict=True))
     )  # fmt: skip
+
+
+def _trace(path: Path) -> Trace:
+    """Read a trace and check that it has the columns of a comparison. Raises OutputError."""
+    trace = read_trace(path)
+    needed = ["q_deg_s", "alpha_deg", "nz_g", *(f"{name}.effectiveness_smoothed" for name in trace.estimators)]
+    needed += [f"{name}_{unit}" for _, name, unit, _ in _FOLLOWED if f"{name}_ref_{unit}" in trace.columns]
+    for column in needed:
+        if column not in trace.columns:
+            raise OutputError(f"{path}: not a trace: it has no column {column}; fly the scenario again")
+    return trace
 
 
 def short_name(runs: Sequence[Run]) -> str:
@@ -321,6 +332,10 @@ def _number(value: Any) -> bool:
 def folder_of(run_folder: str | Path) -> Path:
     """Return the folder of a run. Raises OutputError for a folder without metrics.json."""
     folder = Path(run_folder)
-    if not (folder / "metrics.json").is_file():
+    try:
+        found = (folder / "metrics.json").is_file()
+    except OSError as error:
+        raise OutputError(f"{str(folder)[:60]}: cannot be read: {error.strerror}") from None
+    if not found:
         raise OutputError(f"{folder}: not a run's folder (no metrics.json)")
     return folder

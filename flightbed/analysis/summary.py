@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from types import UnionType
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from flightbed.analysis.metrics import EstimatorMetrics, Metrics
 from flightbed.analysis.punctuality import Punctuality, Spread
@@ -204,9 +206,12 @@ class RunSummary:
 
         """
         try:
-            return cls._from_dict(values)
+            summary = cls._from_dict(values)
         except (KeyError, TypeError, AttributeError, IndexError) as error:
             raise ValueError(f"not the metrics of a flight ({type(error).__name__}: {error})") from error
+        if problem := _mistyped(summary, cls, ""):
+            raise ValueError(f"not the metrics of a flight ({problem})")
+        return summary
 
     @classmethod
     def _from_dict(cls, values: Mapping[str, Any]) -> RunSummary:
@@ -240,6 +245,36 @@ class RunSummary:
     def read(cls, path: Path) -> RunSummary:
         """Return the summary in a metrics.json. Raises OSError; ValueError as ``from_dict``, and for a file that is not JSON."""
         return cls.from_dict(json.loads(path.read_text(encoding="utf-8")))
+
+
+def _mistyped(value: Any, kind: Any, place: str) -> str | None:
+    """Return the first value that has not the declared type, or is not finite; None if there is none."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin is UnionType:
+        return None if any(_mistyped(value, one, place) is None for one in inner) else f"{place} = {value!r}"
+    if kind is Any:
+        return None
+    if isinstance(kind, type) and is_dataclass(kind) and isinstance(value, kind):
+        hints = get_type_hints(kind)
+        found = (_mistyped(getattr(value, one.name), hints[one.name], one.name) for one in fields(kind))
+    elif origin in (dict, Mapping) and isinstance(value, dict):
+        found = (_mistyped(one, inner[1], f"{place}.{key}") for key, one in value.items())
+    elif origin is tuple and isinstance(value, tuple):
+        kinds = inner[:1] * len(value) if inner[1:] == (...,) else inner
+        if len(kinds) != len(value):
+            return f"{place} = {value!r}"
+        found = (_mistyped(one, part, place) for one, part in zip(value, kinds, strict=True))
+    else:
+        if origin is Literal:
+            valid = any(value == one for one in inner)
+        elif origin is not None:  # a mapping or a tuple was expected
+            valid = False
+        elif kind in (float, complex):
+            valid = isinstance(value, int | float | complex) and not isinstance(value, bool) and isfinite(abs(value))
+        else:
+            valid = isinstance(value, kind) and (kind is not int or not isinstance(value, bool))
+        return None if valid else f"{place} = {value!r}"
+    return next((problem for problem in found if problem is not None), None)
 
 
 def _punctuality(values: Mapping[str, Any]) -> Punctuality:

@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.core.errors import OutputError
+from flightbed.core.errors import OutputError, printable
 from flightbed.core.estimate_names import surface_of
 from flightbed.core.signals import (
     Estimate,
@@ -193,12 +193,27 @@ def read_trace(path: str | Path) -> Trace:
 
     try:
         table = pq.read_table(path)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise OutputError(f"{path}: not a trace: {error}") from None
-    names = (table.schema.metadata or {}).get(b"estimators", b"").decode()
+        names = (table.schema.metadata or {}).get(b"estimators", b"").decode()
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise OutputError(f"{path}: not a trace: {printable(str(error))}") from None
+    if problem := _problem(table):
+        raise OutputError(f"{path}: not a trace: {problem}; fly the scenario again")
     return Trace(
         {name: table.column(name).to_numpy() for name in table.column_names}, tuple(n for n in names.split(",") if n)
     )
+
+
+def _problem(table: Any) -> str | None:
+    """Return why an Arrow table is not a trace; None for a trace."""
+    names = table.column_names
+    if len(set(names)) < len(names):
+        return f"column {next(name for name in names if names.count(name) > 1)} exists twice"
+    if "t_s" not in names or not len(table):
+        return "it has no column t_s" if "t_s" not in names else "it has no rows"
+    for name, column in zip(names, table.columns, strict=True):
+        if str(column.type) != "double" or column.null_count:
+            return f"column {name} has values that are not numbers"
+    return None
 
 
 def collect(samples: Iterable[Sample], *, estimators: Sequence[str], control_hz: int) -> Trace:

@@ -11,11 +11,14 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
+from zlib import error as ZlibError  # noqa: N812
 
 import numpy as np
 import numpy.typing as npt
 
 from flightbed.campaigns.plan import Programme
+from flightbed.core.errors import OutputError, printable
 from flightbed.core.files import replace_file
 from flightbed.parallel.executor import CHUNK
 from flightbed.statistics.histories import Arrays, Ensemble, Part, add_all
@@ -36,7 +39,7 @@ class Histories:
     """
 
     def __init__(self, programme: Programme, folder: Path | None = None) -> None:
-        """Start empty, or with the state in a folder. Raises OSError."""
+        """Start empty, or with the state in a folder. Raises OSError; OutputError for damaged files."""
         self.ensembles: dict[int, Ensemble] = {}
         self.number = 0
         self._programme, self._folder = programme, folder
@@ -44,7 +47,22 @@ class Histories:
         self._early: dict[int, Parts] = {}
         self._kept: dict[int, set[int]] = {}  # chunk on disk -> points of its sampled flights
         if folder is not None:
-            self._restore(folder)
+            try:
+                self._restore(folder)
+            except (
+                ValueError,
+                KeyError,
+                IndexError,
+                TypeError,
+                AttributeError,
+                EOFError,
+                BadZipFile,
+                ZlibError,
+            ) as problem:
+                raise OutputError(
+                    f"{folder}: a file of histories is damaged ({printable(str(problem))}); delete {folder.parent} and fly "
+                    "the campaign again"
+                ) from None
 
     def has(self, number: int) -> bool:
         """Return whether a chunk has been added, or has no histories to add."""
@@ -130,5 +148,5 @@ def _save(path: Path, arrays: Arrays) -> None:
 
 
 def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
-    with np.load(path) as found:
+    with path.open("rb") as file, np.load(file) as found:  # np.load leaves a damaged file open
         return {name: found[name] for name in found.files}

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeGuard
 
 from flightbed.campaigns.histories import Histories
 from flightbed.campaigns.plan import Programme
@@ -60,10 +60,14 @@ class Journal:
         self._programme = programme
         self._folder = target / UNFINISHED
         self._rows: IO[bytes] = _open_locked(self._folder / "rows.jsonl")
-        indices = {row["index"] for row in self._stored()}
-        self._rows.truncate(self._whole_bytes)
-        self._rows.seek(0, os.SEEK_END)
-        self.histories = Histories(programme, self._folder)
+        try:
+            indices = {row["index"] for row in self._stored()}
+            self._rows.truncate(self._whole_bytes)
+            self._rows.seek(0, os.SEEK_END)
+            self.histories = Histories(programme, self._folder)
+        except BaseException:
+            self._rows.close()
+            raise
         chunks = range(-(-len(programme) // CHUNK))
         self.missing = [n for n in chunks if not self._is_done(n, indices)]
         self.done = len(programme) - sum(len(self._range(n)) for n in self.missing)
@@ -83,10 +87,16 @@ class Journal:
                 found = json.loads(line) if line.endswith(b"\n") else None
             except ValueError:
                 found = None
-            if not isinstance(found, dict):
+            if not self._is_row(found):
                 return
             self._whole_bytes += len(line)
             yield {sys.intern(name): value for name, value in found.items()}  # all rows share the strings of their keys
+
+    def _is_row(self, found: Any) -> TypeGuard[dict[str, Any]]:
+        """Return whether a stored value can be the row of a flight of this programme."""
+        return (
+            isinstance(found, dict) and type(found.get("index")) is int and 0 <= found["index"] < len(self._programme)
+        )
 
     def add(self, number: int, result: ChunkResult) -> None:
         """Write a chunk to disk. Raises OutputError; earlier chunks stay unchanged."""

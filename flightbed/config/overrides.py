@@ -55,9 +55,9 @@ def replace_at(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
     Raises ScenarioError, which names ``place``, for an index outside a list and for a key inside a scalar.
     """
     key, rest = keys[0], keys[1:]
-    missing: Any = [] if rest and rest[0].isdigit() else {}
+    missing: Any = [] if rest and _is_index(rest[0]) else {}
     if isinstance(node, list):
-        if not key.isdigit() or int(key) > len(node):
+        if not _is_index(key) or int(key) > len(node):
             raise ScenarioError([f"{place}: '{key}' must be an index from 0 to {len(node)} ({len(node)} adds one)"])
         index = int(key)
         old = node[index] if index < len(node) else missing
@@ -65,3 +65,7 @@ def replace_at(node: Any, keys: Sequence[str], value: Any, place: str) -> Any:
     if not isinstance(node, dict):
         raise ScenarioError([f"{place}: '{key}': the value that contains it is not a table; use a key of the scenario"])
     return {**node, key: replace_at(node.get(key, missing), rest, value, place) if rest else value}
+
+
+def _is_index(key: str) -> bool:
+    return key.isascii() and key.isdecimal()

@@ -22,6 +22,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ScenarioError([f"{display_path(path)}: cannot be read: {error}"]) from None
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError([f"{display_path(path)}: not TOML: {error}"]) from None
+    except RecursionError:
+        raise ScenarioError(
+            [f"{display_path(path)}: not TOML that can be read: its values are nested too deeply"]
+        ) from None
 
 
 def with_tuples(value: Any) -> Any:

@@ -51,7 +51,7 @@ class ScenarioError(InputError):
     """
 
     def __init__(self, problems: Sequence[str]) -> None:
-        self.problems = tuple(problems)
+        self.problems = tuple(map(printable, problems))
         super().__init__("\n".join(self.problems))
 
 
@@ -68,7 +68,7 @@ class UnknownNameError(InputError):
         self.name = name
         self.known = tuple(sorted(known))
         super().__init__(
-            f"unknown {kind} '{name}'{also}{did_you_mean(name, self.known)}; known: {', '.join(self.known)}"
+            f"unknown {kind} '{printable(name)}'{also}{did_you_mean(name, self.known)}; known: {', '.join(self.known)}"
         )
 
 
@@ -118,6 +118,11 @@ class NoTrimError(NotComputableError):
 
 class DesignError(NotComputableError):
     """A control law cannot be designed for the given model."""
+
+
+def printable(text: str) -> str:
+    """Return a text with line breaks and other control characters escaped, so that it fits on one line."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

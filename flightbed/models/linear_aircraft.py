@@ -63,7 +63,7 @@ def load_flyable(name: str) -> Aircraft | LinearAircraft:
     """Read the aircraft of a scenario, overlay or linear, by shipped name or folder. Raises UnknownNameError or AircraftError."""
     try:
         linear = "kind" in tomllib.loads(_file(name).read_text(encoding="utf-8"))  # an overlay has no such key
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         linear = False  # load_aircraft reports the problem
     return load_linear_aircraft(name) if linear else load_aircraft(name)
 
@@ -74,7 +74,7 @@ def load_linear_aircraft(name: str) -> LinearAircraft:
     try:
         text = path.read_text(encoding="utf-8")
         raw = tomllib.loads(text)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise AircraftError(f"{path}: {error}") from None
     for table, known in _KEYS.items():
         found = raw if not table else raw.get(table)

@@ -88,7 +88,7 @@ def _assert_as_expected(folder: Path) -> None:
     assert f"1 of {RUNS} flights failed: {DEATH_ERROR}" in (folder / "report.html").read_text()
 
 
-@pytest.mark.parametrize(("workers", "how"), [(1, "exit"), (2, "signal")])
+@pytest.mark.parametrize(("workers", "how"), [pytest.param(1, "exit", marks=pytest.mark.long), (2, "signal")])
 def test_it_is_a_row_and_the_campaign_goes_on(
     deadly: Callable[[str], Programme], tmp_path: Path, workers: int, how: str
 ) -> None:
@@ -117,6 +117,7 @@ def test_after_an_interrupt_its_table_is_the_same_to_the_last_bit(
     _assert_as_expected(folder)
 
 
+@pytest.mark.long
 def test_on_a_dask_cluster_whose_nannies_begin_dead_workers_anew(
     deadly: Callable[[str], Programme], tmp_path: Path
 ) -> None:

@@ -37,8 +37,15 @@ def test_json_is_the_only_text_on_stdout(tmp_path: Path) -> None:
     assert {p.name for p in (tmp_path / "x").iterdir()} == {"metrics.json", "scenario.toml", "trace.parquet"}
 
 
-@pytest.mark.parametrize("pace", [[], ["--realtime"]])
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code", "pace"),
+    [
+        (signal.SIGINT, 130, []),
+        (signal.SIGTERM, 143, ["--realtime"]),
+        pytest.param(signal.SIGINT, 130, ["--realtime"], marks=pytest.mark.long),
+        pytest.param(signal.SIGTERM, 143, [], marks=pytest.mark.long),
+    ],
+)
 def test_an_interrupted_flight_leaves_nothing(
     tmp_path: Path, number: signal.Signals, code: int, pace: list[str]
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import chi_square_bound
 from tests.document.test_html import assert_self_contained, assert_sound, words
+from tests.flights import representative
 from tests.lateral_flight import rolling
 
 
@@ -160,7 +162,7 @@ def _soon(name: str) -> list[str]:
     return ["duration_s=1.2", *fail, *(f"gusts.{i}.at_s={0.4 + 0.2 * i}" for i in range(len(scenario.gusts)))]
 
 
-@pytest.mark.parametrize("name", list(data.names("scenario")))
+@pytest.mark.parametrize("name", representative(data.names("scenario")))
 def test_every_shipped_scenario_has_a_sound_page(name: str) -> None:
     result = run(load_scenario(name, _soon(name)))
     document = run_report(result)
@@ -276,8 +278,11 @@ def test_a_flight_with_roll_and_yaw_has_figures_and_numbers_of_them() -> None:
     assert "nan" not in words(page)
 
 
-@pytest.mark.parametrize("kind", ["stuck", "floating", "hardover", "rate-limit", "bias"])
-@pytest.mark.parametrize("surface", ["elevator", "aileron", "rudder"])
+KINDS, SURFACES = ("stuck", "floating", "hardover", "rate-limit", "bias"), ("elevator", "aileron", "rudder")
+EACH_ONCE = tuple(zip(KINDS, (*SURFACES, *SURFACES[:2]), strict=True))
+
+
+@pytest.mark.parametrize(("kind", "surface"), representative(product(KINDS, SURFACES), EACH_ONCE))
 def test_every_failure_of_an_actuator_has_a_sound_page(kind: str, surface: str) -> None:
     failure = f"{{kind='{kind}', surface='{surface}', at_s=0.5, side='high', to=0.2, bias_deg=1.5}}"
     result = run(rolling([f"failures=[{failure}]", "duration_s=1.5"]))

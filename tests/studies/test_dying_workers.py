@@ -104,7 +104,7 @@ def _assert_undisturbed(found: Mapping[str, list[Any]], dying: ModuleType, folde
         assert one.columns["q_deg_s"].tobytes() == other.columns["q_deg_s"].tobytes()
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.long), 2])
 def test_a_study_with_killed_workers_has_the_results_of_an_undisturbed_one(
     dying: ModuleType, tmp_path: Path, workers: int
 ) -> None:
@@ -114,6 +114,7 @@ def test_a_study_with_killed_workers_has_the_results_of_an_undisturbed_one(
         _assert_undisturbed(_results(dying, folder, opener(workers)), dying, folder)
 
 
+@pytest.mark.long
 def test_on_a_dask_cluster_too(
     dying: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -25,7 +25,7 @@ from flightbed.telemetry.chase import quaternions
 from flightbed.telemetry.flight_info import FlightInfo, result_info
 from flightbed.telemetry.live import Live
 from flightbed.telemetry.recording import write_recording
-from tests.flights import ShippedFlight
+from tests.flights import ShippedFlight, representative
 from tests.lateral_flight import rolling
 from tests.telemetry.reading import rerun, series, static_text
 
@@ -281,7 +281,7 @@ def test_the_recording_passes_reruns_own_verification_and_is_small(recording: Pa
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("name", list(data.names("scenario")))
+@pytest.mark.parametrize("name", representative(data.names("scenario")))
 def test_recordings_of_all_scenarios_are_small(name: str, shipped_flight: ShippedFlight, tmp_path: Path) -> None:
     """At most 1.5 MB for 16.5 s, whatever flies; 2.7 MB with roll and yaw, which are half as much again; 0.2 MB for each reconstruction."""
     long = load_scenario(name).duration_s > 16.5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import time
+from itertools import product
 from math import inf, nan
 from typing import Any, ClassVar
 
@@ -20,6 +21,7 @@ from flightbed.flight.loop import Flight
 from flightbed.flight.plan import Plan
 from flightbed.testing import check as testing
 from flightbed.testing.check import ContractError, check_estimator
+from tests.flights import representative
 
 
 class Sound:
@@ -158,8 +160,11 @@ class Slow(Sound):
         return estimate
 
 
-@pytest.mark.parametrize("model", ["scheduled", "short-period"])
-@pytest.mark.parametrize("kind", families.names("estimators"))
+ESTIMATORS = list(product(families.names("estimators"), ("scheduled", "short-period")))
+FAST = [(kind, model) for kind, model in ESTIMATORS if model == "short-period" or kind == "loop-gain"]
+
+
+@pytest.mark.parametrize(("kind", "model"), representative(ESTIMATORS, FAST))
 def test_built_in_estimators_keep_the_contract(kind: str, model: str) -> None:
     # The check names the factory, not the kind, so the default memory of the kind does not apply.
     memory = {"memory": "variable", "window": 3} if kind == "two-stage" else {}

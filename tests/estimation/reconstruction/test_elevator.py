@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,9 @@ KINDS = dict(zip(NAMES, ("retrospective-cost", "input-kalman"), strict=True))
 BOTH = [f'estimators.{1 + i}={{name="{name}", kind="{kind}"}}' for i, (name, kind) in enumerate(KINDS.items())]
 
 
+@cache
 def _flown(name: str, *settings: str) -> Trace:
+    """Fly a scenario with both reconstructions; each flight once."""
     added = () if "retrospective" in {e.name for e in load_scenario(name).estimators} else BOTH
     return run(load_scenario(name, [*added, *settings])).trace
 
