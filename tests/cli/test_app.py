@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from flightbed.cli.main import app
-from tests.command_line import COMMAND, assert_one_clear_line, flightbed
+from tests.command_line import COMMAND, assert_error, assert_one_clear_line, flightbed
 
 COMMANDS = ("campaign", "compare", "linearize", "list", "reproduce", "run", "trim", "view")
 
@@ -46,6 +46,22 @@ COMMANDS = ("campaign", "compare", "linearize", "list", "reproduce", "run", "tri
 )  # fmt: skip
 def test_an_error_is_one_line_and_an_exit_code(tmp_path: Path, arguments: list[str], code: int, message: str) -> None:
     assert_one_clear_line(arguments, code, message, cwd=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["run", "elevator-los"], 2, "unknown scenario 'elevator-los'"),
+        (["run", "nominal", "--ot", "x"], 2, "Unknown option"),
+        (["run", "nominal", "--set", "control.poles=[[-1,0]]"], 3, "the loop has 3 states, 1 poles are given"),
+    ],
+)
+def test_an_error_of_a_new_process_is_one_line_and_an_exit_code(
+    tmp_path: Path, arguments: list[str], code: int, message: str
+) -> None:
+    done = flightbed(*arguments, cwd=tmp_path)
+    assert_error(done.returncode, done.stdout, done.stderr, code, message)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_closed_pipe_is_no_error(tmp_path: Path) -> None:

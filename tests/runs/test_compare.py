@@ -265,12 +265,12 @@ def test_runs_with_roll_and_yaw_are_compared_with_one_without(tmp_path: Path) ->
     assert not [key for key in differences if key.startswith("tracking_rms")]
     recording = tmp_path / "all" / "comparison.rrd"
     for entity, column, names in (
-        ("/roll_rate", "p_deg_s", ("1_told", "2_fixed")),
-        ("/sideslip", "beta_deg", ("1_told", "2_fixed")),
-        ("/aileron", "aileron_deg", ("1_told", "2_fixed")),
-        ("/effectiveness_rudder", "surfaces.rudder.effectiveness_smoothed", ("1_told", "2_fixed")),
-        ("/effectiveness_rudder/K_true", "effectiveness_rudder_true", ("1_told", "2_fixed")),
-        ("/effectiveness_aileron/K_true", "effectiveness_aileron_true", ("1_told",)),  # the same line in both
+        ("/roll_rate", "p_deg_s", ("1_oracle", "2_fixed")),
+        ("/sideslip", "beta_deg", ("1_oracle", "2_fixed")),
+        ("/aileron", "aileron_deg", ("1_oracle", "2_fixed")),
+        ("/effectiveness_rudder", "surfaces.rudder.effectiveness_smoothed", ("1_oracle", "2_fixed")),
+        ("/effectiveness_rudder/K_true", "effectiveness_rudder_true", ("1_oracle", "2_fixed")),
+        ("/effectiveness_aileron/K_true", "effectiveness_aileron_true", ("1_oracle",)),  # the same line in both
     ):
         for name in names:
             _, values = series(recording, f"{entity}/{name}", "Scalars:scalars")
