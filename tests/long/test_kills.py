@@ -18,7 +18,7 @@ from flightbed.campaigns import run as campaigns
 from flightbed.campaigns.file import load_programme
 from flightbed.document.document import Section
 from flightbed.parallel.executor import opener
-from flightbed.studies.base import Study, Trials, keyed, reproduce
+from flightbed.studies.base import Study, Trials, keyed_part, reproduce
 from tests.campaigns.test_journal import started, workers_of
 from tests.parallel.test_processes import kill_one_of_two
 from tests.wheels import ROOT
@@ -129,7 +129,7 @@ def test_a_study_whose_workers_are_killed_at_any_seed(
             return Section("results")
 
         jobs = {"trials": Trials(deadly_draw.draw, (str(tmp_path / marker), victims), TRIALS)}
-        study = Study("dying", "Dying", TRIALS, lambda _: [keyed(jobs, build)])
+        study = Study("dying", "Dying", TRIALS, lambda _: [keyed_part(jobs, build)])
         reproduce(study, TRIALS, executor=None if workers is None else opener(workers))
         return found["trials"]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, bootstrap, expon, quantile_test
 
+from flightbed.campaigns.summary import QuantitySummary
 from flightbed.campaigns.table import Quantity
 from flightbed.statistics.bootstrap import FEWEST, FEWEST_OF_PERCENTILE, RESAMPLES, mean_interval, percentile_interval
 from flightbed.statistics.intervals import Interval, quantile_interval
@@ -99,11 +100,11 @@ def test_the_exact_interval_of_a_tail_needs_72_values(n: int) -> None:
 def test_a_quantity_with_missing_values_has_no_mean() -> None:
     happened = Quantity("x", tuple(float(v) for v in range(20)), seed=4)
     assert happened.mean == mean_interval(list(range(20)), 4, "x")
-    row = happened.to_dict()
+    row = QuantitySummary.of(happened).to_dict()
     assert row["mean"] == 9.5
     assert row["mean_low"] == happened.mean.low  # type: ignore[union-attr]
     assert row["p95_high"] is None  # of 20 flights
     never = Quantity("x", (1.0, np.inf, 2.0))
     assert never.mean is None
-    assert never.to_dict()["mean"] is None
+    assert QuantitySummary.of(never).to_dict()["mean"] is None
     assert (never.percentile(50).estimate, never.percentile(50).runs) == (1.5, 2)

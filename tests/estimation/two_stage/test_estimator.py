@@ -186,7 +186,7 @@ def _with(scenario: str, settings: Sequence[str]) -> Flight:
 
 def test_three_surfaces_need_commands_to_them(rolling: Plan) -> None:
     flight = assemble(rolling)
-    with pytest.raises(ValueError, match="aileron and rudder are commanded"):
+    with pytest.raises(ValueError, match="needs a flight with lateral axes"):
         dataclasses.replace(flight, lateral=None)
     with pytest.raises(ValueError, match="not on board"):
         type(flight.estimators[0])(  # type: ignore[call-arg]
