@@ -8,22 +8,19 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from flightbed.avionics.short_period import ShortPeriod
-
-# At once, because these functions bear the names of their modules: importing a module later would put it in their place.
-from flightbed.models.linearize import LinearModel, linearize
-from flightbed.models.reduce import short_period
-from flightbed.models.trim import TrimPoint, trim
-
 if TYPE_CHECKING:
     from flightbed.aircraft.overlay import Aircraft, load_aircraft
     from flightbed.analysis.metrics import Metrics
     from flightbed.analysis.result import Result
     from flightbed.analysis.trace import Trace, read_trace
+    from flightbed.avionics.short_period import ShortPeriod
     from flightbed.config.own_code import using
     from flightbed.core.errors import FlightbedError
     from flightbed.core.signals import Estimate, Measurement, Sample, Truth
     from flightbed.flight.pacing import WallClock
+    from flightbed.models.linearize import LinearModel, linearize
+    from flightbed.models.reduce import short_period
+    from flightbed.models.trim import TrimPoint, trim
     from flightbed.plant.airframe import JsbsimAirframe
     from flightbed.runs.run import fly, run
     from flightbed.scenario.reading import Scenario, load_scenario
@@ -37,6 +34,12 @@ __all__ = [
 
 # name -> module, imported on first use
 _LATER = {
+    "trim": "flightbed.models.trim",
+    "TrimPoint": "flightbed.models.trim",
+    "short_period": "flightbed.models.reduce",
+    "ShortPeriod": "flightbed.avionics.short_period",
+    "linearize": "flightbed.models.linearize",
+    "LinearModel": "flightbed.models.linearize",
     "Aircraft": "flightbed.aircraft.overlay",
     "Estimate": "flightbed.core.signals",
     "FlightbedError": "flightbed.core.errors",

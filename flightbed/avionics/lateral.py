@@ -60,7 +60,7 @@ class LateralTables:
     coupling: Matrix
 
     def packed(self) -> Matrix:
-        """Return all tables as one array, in the layout of ``estimation.surfaces_model``."""
+        """Return all tables as one array, in the layout of ``avionics.lateral_kernels``."""
         parts = (
             self.coupling.ravel(),
             self.mach,

@@ -44,7 +44,7 @@ class Schedule:
     span_m: Array
 
     def packed(self) -> Array:
-        """Return all tables as one array, in the layout of ``estimation.pitch_model``."""
+        """Return all tables as one array, in the layout of ``avionics.pitch_kernels``."""
         parts = (self.mach, self.alpha_rad, self.elevator_rad, self.altitude_m)
         sizes = [float(len(p)) for p in parts]
         return np.concatenate(

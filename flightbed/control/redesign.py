@@ -1,6 +1,6 @@
 """Redesign of the laws for the remaining effectiveness, after a confirmed change (Wu, Zhang and Zhou 2000, eqs (47)-(49)).
 
-The weights stay, so the law uses a weaker surface relatively less. Division of the demand by K-hat, as in ``adaptation``, is equivalent to
+The weights stay, so the law uses a weaker surface relatively less. Division of the demand by K-hat, as in ``correction``, is equivalent to
 weights scaled by K^2. W does not state how the gains are switched: here the step of the command is subtracted at the switch and decays
 with a time constant of 0.2 s.
 """

@@ -17,7 +17,7 @@ from struct import Struct
 
 import numpy as np
 
-from flightbed.control import correction as adaptation
+from flightbed.control import correction
 from flightbed.control.base import Gains
 from flightbed.control.correction import Adaptation
 from flightbed.control.proportional import Proportional, proportional_demand
@@ -98,17 +98,17 @@ def _tick(store: Array, k: int) -> float:
 
     low, high, effectiveness_used = store[_LOW], store[_HIGH], 1.0
     if store[_CORRECTION] == _BY_TRUE_K:
-        effectiveness_used = adaptation.divisor(truth[13], 0.0, store[_FLOOR], store[_CAUTION])
+        effectiveness_used = correction.divisor(truth[13], 0.0, store[_FLOOR], store[_CAUTION])
     elif store[_CORRECTION] == _BY_ESTIMATE:
         to = _FIRST_ESTIMATE + int(store[_CORRECTING_ESTIMATE]) * _FIELDS
         if not isfinite(row[to + 2]) and isfinite(measurement[1]):
             store[_INVALID] = 1.0
             return nan
-        effectiveness_used = adaptation.divisor(row[to + 2], row[to + 1], store[_FLOOR], store[_CAUTION])
+        effectiveness_used = correction.divisor(row[to + 2], row[to + 1], store[_FLOOR], store[_CAUTION])
     elevator = effectiveness_used * measurement[2] if store[_EFFECTIVE_FEEDBACK] > 0.0 else measurement[2]
     reference = row[2]
     if store[_PEAK] > 0.0 and store[_CORRECTION] != _NO_CORRECTION:
-        reference = adaptation.limit_reference(reference, effectiveness_used, low, high, store[_TRIM], store[_PEAK])
+        reference = correction.limit_reference(reference, effectiveness_used, low, high, store[_TRIM], store[_PEAK])
     alpha, q = measurement[0], measurement[1]
     if store[_STATE_FROM] >= 0.0:
         to = _FIRST_ESTIMATE + int(store[_STATE_FROM]) * _FIELDS
@@ -123,7 +123,7 @@ def _tick(store: Array, k: int) -> float:
         if store[_HOLD] == 0.0:
             store[_INTEGRAL] += store[_PER_TICK] * (reference - q)
     corrected = demand / effectiveness_used
-    command = adaptation.clip_command(corrected, low, high)
+    command = correction.clip_command(corrected, low, high)
     store[_HOLD] = 1.0 if command != corrected else 0.0
     row[3] = command
     store[_ENDED] = k

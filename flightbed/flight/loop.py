@@ -95,7 +95,11 @@ def fly(flight: Flight) -> Iterator[Sample]:
     """
     plant, sensors, law, adaptation = flight.plant, flight.sensors, flight.law, flight.adaptation
     sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
-    believed_of, feedback_of, health_at = adaptation.effectiveness_used, adaptation.position_feedback, flight.health
+    effectiveness_used_of, feedback_of, health_at = (
+        adaptation.effectiveness_used,
+        adaptation.position_feedback,
+        flight.health,
+    )
     reference_of, command_of = adaptation.reference, adaptation.command
     axes, redesign, load_factor = flight.lateral, flight.redesign, flight.load_factor
     updaters = [updater(estimator) for estimator in flight.estimators] if axes is not None else []
@@ -103,7 +107,7 @@ def fly(flight: Flight) -> Iterator[Sample]:
     only = updates[0] if len(updates) == 1 else None
     listeners = [e.commanded for e in flight.estimators if isinstance(e, Commanded)]
     commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
-    hold, floor, following, believed = False, flight.floor_m, health_at(0), 1.0
+    hold, floor, following, effectiveness_used = False, flight.floor_m, health_at(0), 1.0
     alpha_trim, oracle, corrected, correcting = (
         flight.alpha_trim_rad,
         adaptation.oracle,
@@ -129,22 +133,22 @@ def fly(flight: Flight) -> Iterator[Sample]:
         if redesign is not None:
             redesign.update(estimates)
         if oracle:  # the true K of the scenario; no estimator is used
-            believed = believed_of(health.effectiveness)
+            effectiveness_used = effectiveness_used_of(health.effectiveness)
         elif estimates:
             estimate = estimates[correcting]
             if corrected and not isfinite(estimate.effectiveness_smoothed) and isfinite(measurement.q_rad_s):
                 raise invalid_estimate(correcting, estimate.effectiveness_smoothed, tick / flight.control_hz)
-            believed = believed_of(estimate.effectiveness_smoothed, estimate.effectiveness_std)
-        feedback = feedback_of(measurement.elevator_rad, believed)
-        reference = reference_of(q_ref, believed)
+            effectiveness_used = effectiveness_used_of(estimate.effectiveness_smoothed, estimate.effectiveness_std)
+        feedback = feedback_of(measurement.elevator_rad, effectiveness_used)
+        reference = reference_of(q_ref, effectiveness_used)
         law_input = measurement
         if state_from is not None:
             law_input = measurement._replace(
                 alpha_rad=estimates[state_from].alpha_rad, q_rad_s=estimates[state_from].q_rad_s
             )
         demand = demand_of(law_input, q_ref_rad_s=reference, elevator_rad=feedback, hold=hold)
-        command = command_of(demand, believed)
-        hold = command != demand / believed
+        command = command_of(demand, effectiveness_used)
+        hold = command != demand / effectiveness_used
         for listen in listeners:
             listen(command)
 

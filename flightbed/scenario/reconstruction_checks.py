@@ -1,4 +1,4 @@
-"""Keys of gusts and of estimators that reconstruct an unknown input: conflicts and keys without effect; part of ``consistency``."""
+"""Keys of gusts and of estimators that reconstruct an unknown input: conflicts and keys without effect; part of ``checks``."""
 
 from __future__ import annotations
 

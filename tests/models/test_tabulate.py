@@ -11,7 +11,7 @@ from flightbed.aircraft.overlay import Aircraft
 from flightbed.avionics import pitch_kernels
 from flightbed.avionics.schedule import Schedule
 from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
-from flightbed.core.atmosphere import standard_air
+from flightbed.core.atmosphere import air, standard_air
 from flightbed.core.units import DEG, FT
 from flightbed.models.tabulate import build_schedule, load_schedule
 from flightbed.models.trim import trim

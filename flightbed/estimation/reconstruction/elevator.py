@@ -3,7 +3,7 @@
 The known part is the aircraft's own pitch motion, gravity and thrust: x+ = A x + b u + c, x = (alpha, q), both measured, at every tick
 from the on-board schedule (or the short period at the trim point). u is unknown: command, position and K do not enter. Two methods
 reconstruct it: ``retrospective_cost`` (Gupta and others 2012) and, for comparison, a Kalman filter with u as a random walk in its state
-(``input_observer``). ``following`` then regresses it on the measured deflection: the slope is K, and a test detects deviations that no K
+(``input_kalman``). ``regression`` then regresses it on the measured deflection: the slope is K, and a test detects deviations that no K
 explains.
 
 Departures from the paper: its examples optimize the input of the last sample only, H~ = -C B, which amounts to a difference quotient of

@@ -1,4 +1,4 @@
-"""Compiled arithmetic of ``following``: the memory beside a reconstruction, its update at a tick, and the test."""
+"""Compiled arithmetic of ``regression``: the memory beside a reconstruction, its update at a tick, and the test."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class SurfacesConfig:
         forgetting: forgetting of gamma, see ``two_stage``.
         walk_std: standard deviation of the step of gamma per tick, square root of Q_gamma in W eq (6).
         test_window: L of W eq (33), ticks.
-        false_alarm: nominal probability of an alarm of the test at a tick, by the chi-square law; ``bias_test`` states the limits of
+        false_alarm: nominal probability of an alarm of the test at a tick, by the chi-square law; ``change_test`` states the limits of
             this law.
         smoothing, bounds: as in LoopGainConfig.
         prior_std: standard deviation of gamma at the start.

@@ -12,10 +12,19 @@ from flightbed.aircraft.overlay import Aircraft
 from flightbed.core.errors import InputError, NoTrimError
 from flightbed.core.files import write_atomic
 from flightbed.fdm.stock import StockAircraft
-from flightbed.models.survey import condition as survey
 from flightbed.models.survey import formats
-from flightbed.models.survey import rows as documents
-from flightbed.models.survey.condition import Point, Query
+from flightbed.models.survey import rows as model_rows
+from flightbed.models.survey.condition import (
+    MOST,
+    Point,
+    Query,
+    axis,
+    find_aircraft,
+    linearize_at,
+    nearest_feasible,
+    queries,
+    trim_at,
+)
 
 Found = TypeVar("Found")
 Plane = Aircraft | StockAircraft
@@ -42,22 +51,22 @@ class ModelOptions:
 
 def read_conditions(aircraft: str, condition: Any) -> tuple[Plane, list[Query]]:
     """Return the aircraft and the conditions of a command line. Raises InputError, UnknownNameError, AircraftError."""
-    plane = survey.find_aircraft(aircraft)  # first: without an aircraft an error in a condition is irrelevant
+    plane = find_aircraft(aircraft)  # first: without an aircraft an error in a condition is irrelevant
     given = [(name, text) for name in ("mach", "tas_fps", "cas_kt") if (text := getattr(condition, name)) is not None]
     if len(given) != 1:
         raise InputError("give exactly one of --mach, --tas-fps and --cas-kt")
     name, text = given[0]
-    altitudes = survey.axis(condition.altitude_ft, "--altitude-ft")
-    speeds = survey.axis(text, f"--{name.replace('_', '-')}")
-    if len(altitudes) * len(speeds) > survey.MOST:
+    altitudes = axis(condition.altitude_ft, "--altitude-ft")
+    speeds = axis(text, f"--{name.replace('_', '-')}")
+    if len(altitudes) * len(speeds) > MOST:
         raise InputError(
-            f"sweep: must have at most {survey.MOST} conditions (got {len(altitudes) * len(speeds)}); use larger steps"
+            f"sweep: must have at most {MOST} conditions (got {len(altitudes) * len(speeds)}); use larger steps"
         )
     fixed = {
         key: getattr(condition, key)
         for key in ("gamma_deg", "load_factor", "bank_deg", "cg_shift_cbar", "effectiveness", "engine")
     }
-    return plane, list(survey.queries(altitudes, name, speeds, **fixed))
+    return plane, list(queries(altitudes, name, speeds, **fixed))
 
 
 def trim_all(plane: Plane, queries: Sequence[Query], format_: str, output: Path | None) -> bytes:
@@ -65,12 +74,12 @@ def trim_all(plane: Plane, queries: Sequence[Query], format_: str, output: Path 
     _check_format(format_, len(queries), output)
     results: list[dict[str, Any]] = []
     rows: list[dict[str, Any]] = []
-    for query, found in _each(plane, queries, lambda query: survey.trim_at(plane, query)):
+    for query, found in _each(plane, queries, lambda query: trim_at(plane, query)):
         if isinstance(found, NoTrimError):
             results.append(_failure(query, found))
             rows.append({**_given(query), "no_trim": str(found)})
         else:
-            results.append(documents.trim_document(query, *found))
+            results.append(model_rows.trim_document(query, *found))
             rows.append({**_given(query), **results[-1]["trim"], "no_trim": ""})
     if format_ == "table":
         lines = ["\n".join(formats.trim_lines(d)) if "trim" in d else d["no_trim"] for d in results]
@@ -108,15 +117,15 @@ def linearize_all(
     points: list[Point] = []
     results: list[dict[str, Any]] = []
     rows: list[dict[str, Any]] = []
-    for query, point in _each(plane, queries, lambda query: survey.linearize_at(plane, query)):
+    for query, point in _each(plane, queries, lambda query: linearize_at(plane, query)):
         if isinstance(point, NoTrimError):
             results.append(_failure(query, point))
             rows.append({**_given(query), "no_trim": str(point)})
             continue
         points.append(point)
-        rows.append(documents.row(point) | _given(query))
+        rows.append(model_rows.row(point) | _given(query))
         if format_ == "json" or one:
-            document = documents.document(
+            document = model_rows.document(
                 point, control_hz=hz, validated=options.validated, part=options.part, actuator=options.actuator
             )
             results.append(document)
@@ -150,7 +159,7 @@ def _each(
         try:
             yield queries[0], work(queries[0])
         except NoTrimError as error:
-            error.feasible = survey.nearest_feasible(plane, queries[0])
+            error.feasible = nearest_feasible(plane, queries[0])
             near = "; ".join(_describe(name, value) for name, value in error.feasible.items())
             error.args = (f"{error}; nearest conditions with a trim: {near or 'none found'}",)
             raise

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.estimation.plid import factored as udu
+from flightbed.estimation.plid.factored import FACTORED
 from flightbed.estimation.plid.identify import Plid, PlidConfig, Tracking
 from flightbed.studies.kemp import printed
 from flightbed.studies.kemp.plants import Record
@@ -45,7 +45,7 @@ def _plid(
     config = PlidConfig(
         order, process_var=q, output_var=r, prior_var=printed.PRIOR_VAR, tracking=tracking or Tracking(), **more
     )
-    return Plid(config, udu.FACTORED) if factored else Plid(config)
+    return Plid(config, FACTORED) if factored else Plid(config)
 
 
 def _rml(
