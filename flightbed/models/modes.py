@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import inf, log
+from math import inf
 
 import numpy as np
 import numpy.typing as npt
@@ -43,11 +43,6 @@ class Mode:
     def time_constant_s(self) -> float:
         """-1 / real part, s: time to decay to 1/e, negative for growth, infinite at 0."""
         return -1.0 / self.eigenvalue.real if self.eigenvalue.real else inf
-
-    @property
-    def time_to_half_or_double_s(self) -> float:
-        """Time to half amplitude if stable, to double if unstable, s; infinite at 0."""
-        return log(2.0) / abs(self.eigenvalue.real) if self.eigenvalue.real else inf
 
 
 def modes(model: LinearModel) -> tuple[Mode, ...]:

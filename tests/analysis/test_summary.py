@@ -22,7 +22,9 @@ from tests.lateral_flight import SOON, rolling
 
 ROOT = Path(__file__).resolve().parents[2]
 SUMMARY_MODULES = {"flightbed/analysis/summary.py", "flightbed/campaigns/summary.py"}
-FILES = sorted(p for folder in ("flightbed", "benchmarks", "examples", "tests") for p in (ROOT / folder).rglob("*.py"))
+FILES = sorted(
+    p for folder in ("flightbed", "benchmarks", "examples", "tools", "tests") for p in (ROOT / folder).rglob("*.py")
+)
 
 
 def _is_summary(node: ast.expr) -> bool:

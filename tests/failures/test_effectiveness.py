@@ -39,20 +39,20 @@ def test_conditions_are_as_good_as_the_prototype(study: Any) -> None:
     """4 seeds; the tolerance includes the prototype's rounding, half a unit of its last digit."""
     for (name, base), (error, smoothed, _) in zip(study.CONDITIONS, PROTOTYPE, strict=True):
         flights = [study.fly({**base, "seed": seed}) for seed in range(4)]
-        assert not any(f["departed"] for f in flights), name
-        found = [f["estimators"]["scheduled"] for f in flights]
+        assert not any(f.metrics.departed for f in flights), name
+        found = [f.metrics.estimators["scheduled"] for f in flights]
         if error is not None:
-            assert np.median([f["median_abs_error_post"] for f in found]) <= error + 0.0005, name
-        assert np.median([f["rms_error_smoothed_post"] for f in found]) <= smoothed, name
-        assert all(f["detected_at_s"] < 0.35 for f in found), name
-        assert 0.5 < np.median([f["nees_mean_post"] for f in found]) < 2.0, name
+            assert np.median([f.median_abs_error_post for f in found]) <= error + 0.0005, name
+        assert np.median([f.rms_error_smoothed_post for f in found]) <= smoothed, name
+        assert all(f.detected_at_s < 0.35 for f in found), name
+        assert 0.5 < np.median([f.nees_mean_post for f in found]) < 2.0, name
 
 
 def test_every_rival_estimates_on_the_same_flight_and_the_order_is_the_papers(study: Any) -> None:
     flight = study.fly(study.job(to=0.4, rivals=tuple(study.RIVALS)))
-    smoothed = {name: m["rms_error_smoothed_post"] for name, m in flight["estimators"].items()}
+    smoothed = {name: m.rms_error_smoothed_post for name, m in flight.metrics.estimators.items()}
     assert smoothed["scheduled"] < smoothed["baseline"] < smoothed["absolute"] < smoothed["thesis"]
-    assert 0.3 < flight["estimators"]["scheduled"]["efficiency"] < 3.0
+    assert 0.3 < flight.metrics.estimators["scheduled"].efficiency < 3.0
 
 
 def test_random_failures_cost_little_more_than_the_oracle(study: Any, capsys: pytest.CaptureFixture[str]) -> None:
@@ -68,7 +68,7 @@ def test_no_false_alarm_in_moderate_turbulence(study: Any) -> None:
     flights = [
         study.fly(study.job(to=None, seed=seed, set=("atmosphere.turbulence=moderate",))) for seed in range(100, 108)
     ]
-    assert sum(f["estimators"]["scheduled"]["false_alarms"] for f in flights) == 0
+    assert sum(f.metrics.estimators["scheduled"].false_alarms for f in flights) == 0
 
 
 @pytest.mark.parametrize(
@@ -99,10 +99,10 @@ def test_unmodelled_damage_is_survived_and_the_fixed_law_departs(name: str, erro
 def test_a_shifted_cg_biases_the_estimate_beyond_its_sigma(study: Any) -> None:
     """Row of the study: the error of the estimate is many sigma when the model has only K as unknown."""
     rows = dict(study.DAMAGE)
-    found = study.fly(rows["K 0.2, c.g. +3%"])["estimators"]["scheduled"]
-    plain = study.fly(rows["moment 0.2, force 0.2"])["estimators"]["scheduled"]
-    assert found["median_abs_error_post"] > 10.0 * plain["median_abs_error_post"]
-    assert found["nees_mean_post"] > 20.0 > 2.0 > plain["nees_mean_post"]
+    found = study.fly(rows["K 0.2, c.g. +3%"]).metrics.estimators["scheduled"]
+    plain = study.fly(rows["moment 0.2, force 0.2"]).metrics.estimators["scheduled"]
+    assert found.median_abs_error_post > 10.0 * plain.median_abs_error_post
+    assert found.nees_mean_post > 20.0 > 2.0 > plain.nees_mean_post
 
 
 def test_the_scenarios_have_their_purpose() -> None:

@@ -11,13 +11,14 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from flightbed import Result, load_scenario, run
-from flightbed.analysis.metrics import SETTLING_S
+from flightbed.analysis.metrics import SETTLING_S, Metrics
+from flightbed.parallel.processes import local_processes
 from flightbed.scenario.reading import Scenario
 
 RIVALS: dict[str, dict[str, Any]] = {
@@ -55,16 +56,21 @@ def scenario(job: Job) -> Scenario:
     return load_scenario(raw, job.get("set", ()))
 
 
-def fly(job: Job) -> dict[str, Any]:
-    """Fly a job; returns its metrics."""
+@dataclass(frozen=True)
+class Flight:
+    """One flight of a job: its metrics, its length in s, and the tracking RMS from the failure and from ``SETTLING_S`` after it, deg/s."""
+
+    metrics: Metrics
+    flown_s: float
+    since: float
+    settled: float
+
+
+def fly(job: Job) -> Flight:
+    """Fly a job."""
     result = run(scenario(job))
     at = job.get("at_s", 4.5)
-    return {
-        **job,
-        **result.summary.to_dict(),
-        "since": _tracked(result, at),
-        "settled": _tracked(result, at + SETTLING_S),
-    }
+    return Flight(result.metrics, result.summary.flown_s, _tracked(result, at), _tracked(result, at + SETTLING_S))
 
 
 def _tracked(result: Result, since_s: float) -> float:
@@ -81,8 +87,8 @@ def spread(values: Iterable[float | None], spec: str = ".3f") -> str:
     return f"{middle:{spec}} ({low:{spec}} - {high:{spec}})"
 
 
-def _of(flights: Sequence[Mapping[str, Any]], key: str, name: str = "scheduled") -> list[float | None]:
-    return [f["estimators"][name][key] for f in flights]
+def _of(flights: Sequence[Flight], key: str, name: str = "scheduled") -> list[float | None]:
+    return [getattr(f.metrics.estimators[name], key) for f in flights]
 
 
 def _print(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
@@ -91,7 +97,7 @@ def _print(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> No
         print(f"| {' | '.join(row)} |", flush=True)
 
 
-Fly = Callable[[Sequence[Job]], list[dict[str, Any]]]
+Fly = Callable[[Sequence[Job]], list[Flight]]
 
 CONDITIONS: tuple[tuple[str, Job], ...] = (
     ("M 0.80, K 0.4", job(to=0.4)),
@@ -104,12 +110,12 @@ CONDITIONS: tuple[tuple[str, Job], ...] = (
 )
 
 
-def _tracking(flights: Sequence[Mapping[str, Any]]) -> str:
-    lost = sum(f["departed"] for f in flights)
-    return f"departs, {lost} of {len(flights)}" if lost else spread((f["settled"] for f in flights), ".2f")
+def _tracking(flights: Sequence[Flight]) -> str:
+    lost = sum(f.metrics.departed for f in flights)
+    return f"departs, {lost} of {len(flights)}" if lost else spread((f.settled for f in flights), ".2f")
 
 
-def conditions(fly_all: Fly, seeds: int) -> list[list[dict[str, Any]]]:
+def conditions(fly_all: Fly, seeds: int) -> list[list[Flight]]:
     """Fly the table of the conditions; returns the adaptive flights, row by row."""
     rows, flown = [], []
     for name, base in CONDITIONS:
@@ -175,10 +181,10 @@ def envelope(fly_all: Fly, seeds: int) -> list[list[float]]:
     return medians
 
 
-def _ratio(flights: Sequence[dict[str, Any]], others: Sequence[dict[str, Any]]) -> list[float | None]:
+def _ratio(flights: Sequence[Flight], others: Sequence[Flight]) -> list[float | None]:
     """Return tracking over that of other flights; infinite where one departs."""
     pairs = zip(flights, others, strict=True)
-    return [np.inf if f["departed"] else float(f["settled"] / o["settled"]) for f, o in pairs]
+    return [np.inf if f.metrics.departed else float(f.settled / o.settled) for f, o in pairs]
 
 
 def roc(fly_all: Fly, seeds: int) -> dict[int, float]:
@@ -196,10 +202,10 @@ def roc(fly_all: Fly, seeds: int) -> dict[int, float]:
             to: fly_all([job(to=to, seed=s, at_s=float(at[s]), rivals=table, set=sets) for s in range(seeds)])
             for to in (0.7, 0.4, 0.2)
         }
-        minutes = sum(f["flown_s"] for f in quiet) / 60.0
+        minutes = sum(f.flown_s for f in quiet) / 60.0
         rows = []
         for t in THRESHOLDS:
-            alarms = sum(f["estimators"][f"t{t}"]["false_alarms"] for f in quiet)
+            alarms = sum(f.metrics.estimators[f"t{t}"].false_alarms for f in quiet)
             rate = 10.0 * alarms / minutes
             upper = 10.0 * _poisson_upper(alarms) / minutes
             if air == "moderate":
@@ -268,7 +274,7 @@ def robustness(fly_all: Fly, seeds: int) -> dict[str, tuple[int, int]]:
     for name, sets in ROBUSTNESS:
         jobs = [job(to=to, seed=s, set=sets) for to in (0.4, 0.2) for s in range(seeds)]
         adaptive, oracle = fly_all(jobs), fly_all([{**j, "adapt": "oracle"} for j in jobs])
-        lost[name] = tuple(sum(f["departed"] for f in fs) for fs in (adaptive, oracle))
+        lost[name] = tuple(sum(f.metrics.departed for f in fs) for fs in (adaptive, oracle))
         rows.append([
             name, spread(_of(adaptive, "median_abs_error_post")), spread(_of(adaptive, "rms_error_smoothed_post")),
             spread(_of(adaptive, "first_within_20pct_s"), ".2f"), spread(_of(adaptive, "false_alarms"), ".0f"),
@@ -304,7 +310,7 @@ def damage(fly_all: Fly, seeds: int) -> dict[str, tuple[int, int]]:
     for name, base in DAMAGE:
         jobs = [{**base, "seed": s} for s in range(seeds)]
         adaptive, oracle = fly_all(jobs), fly_all([{**j, "adapt": "oracle"} for j in jobs])
-        lost[name] = (sum(f["departed"] for f in adaptive), sum(f["departed"] for f in oracle))
+        lost[name] = (sum(f.metrics.departed for f in adaptive), sum(f.metrics.departed for f in oracle))
         rows.append([
             name, spread(_of(adaptive, "median_abs_error_post")), spread(_of(adaptive, "rms_error_smoothed_post")),
             spread(_of(adaptive, "final")), spread(_of(adaptive, "nees_mean_post"), ".1f"), spread(_of(adaptive, "false_alarms"), ".0f"),
@@ -327,9 +333,9 @@ def regret(fly_all: Fly, failures: int) -> tuple[Any, int]:
         for s in range(failures)
     ]  # fmt: skip
     adaptive, oracle = fly_all(jobs), fly_all([{**j, "adapt": "oracle"} for j in jobs])
-    needless = sum(a["departed"] and not o["departed"] for a, o in zip(adaptive, oracle, strict=True))
+    needless = sum(a.metrics.departed and not o.metrics.departed for a, o in zip(adaptive, oracle, strict=True))
     regrets = np.array(
-        [a["since"] / o["since"] - 1.0 for a, o in zip(adaptive, oracle, strict=True) if not o["departed"]]
+        [a.since / o.since - 1.0 for a, o in zip(adaptive, oracle, strict=True) if not o.metrics.departed]
     )
     draws = np.random.default_rng(2000).choice(regrets, (2000, len(regrets)))
     rows = []
@@ -356,10 +362,10 @@ def main() -> None:
     asked = parser.parse_args()
     if unknown := set(asked.section) - set(sections):
         parser.error(f"no section {', '.join(sorted(unknown))}; there is: {', '.join(sections)}")
-    with ProcessPoolExecutor(asked.workers) as pool:
+    with local_processes(asked.workers) as pool:
         for name in asked.section or sections:
             count = asked.failures if name == "regret" else asked.seeds
-            sections[name](lambda jobs: list(pool.map(fly, jobs, chunksize=4)), count)
+            sections[name](lambda jobs: list(pool.map(fly, jobs)), count)
 
 
 if __name__ == "__main__":

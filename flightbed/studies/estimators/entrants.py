@@ -84,15 +84,15 @@ ENTRANTS: tuple[Entrant, ...] = (
     Entrant(
         "plid",
         {"kind": "plid"},
-        "of the same model the transfer function from elevator to pitch rate of the healthy aircraft, second order",
-        "all four coefficients of it, drifting; K is the numerator's share",
+        "second-order transfer function from elevator to pitch rate of the same model, of the healthy aircraft",
+        "its four coefficients, drifting; K is the ratio of the numerators",
         "q behind a band pass, white process noise as large as what is left of the noise of q",
     ),
     Entrant(
         "retrospective-cost",
         {"kind": "retrospective-cost"},
         "pitch motion over Mach number and alpha, for a healthy aircraft, without the elevator's share",
-        "the deflection that acts, whatever makes it; K and an offset by regression on the measured one; whether K explains it",
+        "the acting deflection, of any cause; K and an offset by regression on the measured one; whether K explains it",
         "none in the reconstruction; in the regression the noise of alpha and q, raised to what the readings show",
         UNEXPLAINED,
     ),
