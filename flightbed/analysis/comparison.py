@@ -148,14 +148,16 @@ def _read(place: Path) -> _RunData:
     try:
         scenario = tomllib.loads((place / "scenario.toml").read_text(encoding="utf-8"))
         stored = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
+        settings = _flat(scenario)
+    except RecursionError:
+        raise OutputError(f"{place}: cannot be read: values are nested too deeply") from None
     except (OSError, ValueError) as error:
         raise OutputError(f"{place}: cannot be read: {error}") from None
-    settings = _flat(scenario)
     try:
         summary = RunSummary.from_dict(stored)
     except ValueError:
         summary = None
-    if summary is None or not {"name", "rates.control_hz"} <= set(settings):
+    if summary is None or not _is_resolved(settings, scenario):
         raise OutputError(f"{place}: not a run of this version of flightbed; fly its scenario.toml again")
     names = [str(estimator.get("name", i)) for i, estimator in enumerate(scenario.get("estimators", ()))]
 
@@ -167,6 +169,19 @@ def _read(place: Path) -> _RunData:
     idle = {named(key) for key in _idle(scenario) if not key.startswith("estimators.") or names}
     estimator = settings.get("adaptation.estimator") if _is_adaptive(settings) else next(iter(names), None)
     return _RunData({named(key): value for key, value in settings.items()}, summary, place, idle, estimator)
+
+
+def _is_resolved(settings: Mapping[str, Any], scenario: Mapping[str, Any]) -> bool:
+    """Return whether the values that a comparison reads from a scenario are there, and of their types."""
+    numbers = [v for k, v in settings.items() if k == "rates.control_hz" or re.fullmatch(r"failures\.\d+\.at_s", k)]
+    estimators = scenario.get("estimators", [])
+    return (
+        {"name", "rates.control_hz"} <= set(settings)
+        and all(isinstance(v, int | float) and not isinstance(v, bool) and isfinite(v) for v in numbers)
+        and settings["rates.control_hz"] > 0
+        and isinstance(estimators, list)
+        and all(isinstance(estimator, Mapping) for estimator in estimators)
+    )
 
 
 def _idle(scenario: Mapping[str, Any]) -> Collection[str]:

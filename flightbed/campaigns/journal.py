@@ -1,8 +1,8 @@
 """Folder of a campaign in progress: finished chunks are on disk, and a partly written chunk after a kill or a full disk is flown again.
 
 The folder ``unfinished/`` marks an unfinished campaign. It holds ``campaign.json`` (name and fingerprint of the campaign), ``rows.jsonl``
-(one line per flight, in the order of arrival), and the files of ``campaigns/histories.py``. A chunk is done if all its rows and its
-histories are there. Chunks have ``executor.CHUNK`` flights: a folder can be continued only with the same chunk size.
+(one line per flight with its checksum, in the order of arrival), and the files of ``campaigns/histories.py``. A chunk is done if all its
+rows and its histories are there. Chunks have ``executor.CHUNK`` flights: a folder can be continued only with the same chunk size.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, TypeGuard
+from zlib import crc32
 
 from flightbed.campaigns.histories import Histories
 from flightbed.campaigns.plan import Programme
@@ -83,10 +84,7 @@ class Journal:
         self._rows.seek(0)
         self._whole_bytes = 0
         for line in self._rows:
-            try:
-                found = json.loads(line) if line.endswith(b"\n") else None
-            except ValueError:
-                found = None
+            found = _row_of(line)
             if not self._is_row(found):
                 return
             self._whole_bytes += len(line)
@@ -104,7 +102,7 @@ class Journal:
             if self.done == 0:
                 self._clear()
             self.histories.add(number, result.parts)
-            self._rows.write("".join(json.dumps(row) + "\n" for row in result.rows).encode())
+            self._rows.write(b"".join(map(_line_of, result.rows)))
             self._rows.flush()
             os.fsync(self._rows.fileno())
         except OSError as error:
@@ -226,12 +224,26 @@ def _own_folder(out: Path, programme: Programme) -> Path:
     raise AssertionError
 
 
+def _line_of(row: Row) -> bytes:
+    """Return the line of a row: CRC-32 of its JSON in eight hexadecimal digits, a space, and the JSON."""
+    text = json.dumps(row).encode()
+    return b"%08x %s\n" % (crc32(text), text)
+
+
+def _row_of(line: bytes) -> Any:
+    """Return the row of a line; None for a line that is incomplete, damaged, or without checksum (version 0.1): it is flown again."""
+    checksum, _, text = line.removesuffix(b"\n").partition(b" ")
+    if not line.endswith(b"\n") or checksum != b"%08x" % crc32(text):
+        return None
+    return json.loads(text)
+
+
 def _state(target: Path) -> dict[str, Any] | None:
     """Return the stored facts of the campaign in a folder, finished or not; None without a campaign."""
     for name in (f"{UNFINISHED}/campaign.json", "summary.json"):
         try:
             found = json.loads((target / name).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+        except (OSError, ValueError, RecursionError):
             continue
         if isinstance(found, dict):
             return found

@@ -9,6 +9,7 @@ read-only one; a reused FDM is not bit-identical to a fresh one; one FDM loads o
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import tempfile
 import threading
@@ -43,6 +44,9 @@ class _Silent(jsbsim.DefaultLogger):
 # JSBSim keeps one logger per thread; a logger set in a worker thread crashes the process when that thread ends.
 if threading.current_thread() is threading.main_thread():
     jsbsim.set_logger(_Silent())
+
+_STEP = r"[A-Za-z_][A-Za-z0-9_.-]*(\[[0-9]{1,6}\])?"
+_PATH = re.compile(rf"/?{_STEP}(/{_STEP})*")  # of a property, as SimGear's property tree reads it
 
 Getter = Callable[[], float]
 Setter = Callable[[float], object]
@@ -121,16 +125,20 @@ class Fdm:
             for path in self.absent:
                 self._manager.get_node(path, True)
         for file, path in () if isinstance(aircraft, StockAircraft) else aircraft.references():
-            if self._manager.get_node(path) is None:
+            if self._find(path) is None:
                 raise AircraftError(f"aircraft {aircraft.name}: {file}: JSBSim has no property {path}")
+
+    def _find(self, path: str) -> jsbsim.FGPropertyNode | None:
+        """Return a property's node, None if there is none; a path with other characters would abort the process."""
+        return self._manager.get_node(path) if _PATH.fullmatch(path) else None
 
     def has(self, path: str) -> bool:
         """Return whether the property exists."""
-        return self._manager.get_node(path) is not None
+        return self._find(path) is not None
 
     def node(self, path: str) -> jsbsim.FGPropertyNode:
         """Return a property's node. Raises AircraftError if the property does not exist."""
-        node = self._manager.get_node(path)
+        node = self._find(path)
         if node is None:
             raise AircraftError(f"JSBSim has no property {path}")
         return node

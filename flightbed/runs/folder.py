@@ -46,10 +46,18 @@ def _record(result: Result, path: Path) -> None:
     write_recording(path, result.trace, result_info(result))
 
 
+def _is_file(path: Path) -> bool:
+    """Return whether a path is a file; false for a name that the system does not accept."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def recording_of(folder: str | Path) -> Path:
     """Return the recording in the folder of a run or a comparison. Raises OutputError."""
     compared = Path(folder) / "comparison.rrd"
-    if compared.is_file():
+    if _is_file(compared):
         return compared
     recording = folder_of(folder) / "flight.rrd"
     if not recording.is_file():
