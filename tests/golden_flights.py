@@ -1,7 +1,7 @@
 """The table of shipped flights in ``tests/golden/``: a SHA-256 and samples of every trace column.
 
     python -m tests.golden_flights                    # compare all shipped scenarios with the table
-    python -m tests.golden_flights --write            # add what the table lacks, refuse if an entry would change
+    python -m tests.golden_flights --write            # add missing entries; refuse if an entry would change
     python -m tests.golden_flights --write --changed "reason"   # change entries, and record the reason in the table
 
 The SHA-256 of a column holds only where the same machine code computes it, so they are kept per environment: versions, libc, CPU features
@@ -94,7 +94,7 @@ def _compiled_for() -> str:
 
 
 def _libm_features() -> str:
-    """Return the CPU features by which glibc chooses its sin, exp, pow, ..., and what is set for it by hand."""
+    """Return the CPU features by which glibc chooses its sin, exp, pow, ..., and its tunables from the environment."""
     from llvmlite.binding import get_host_cpu_features  # type: ignore[import-untyped]
 
     features = get_host_cpu_features()
@@ -302,7 +302,7 @@ class Table:
         return found
 
     def add(self, flown: Mapping[str, Columns], found: Mapping[str, str], *, changed: str | None = None) -> int:
-        """Add what the flights have and the table lacks; with a reason, also replace the entries that they contradict.
+        """Add the entries that the table lacks; with a reason, also replace the entries that the flights contradict.
 
         A replaced entry loses its SHA-256 in all other environments: those compare it with its samples.
 
@@ -352,7 +352,7 @@ class Table:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Fly all shipped scenarios and compare them with the table, or write it; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m tests.golden_flights", description=__doc__.partition("\n")[0])
-    parser.add_argument("--write", action="store_true", help="add what the table lacks")
+    parser.add_argument("--write", action="store_true", help="add missing entries")
     parser.add_argument("--changed", metavar="WHY", help="with --write: change entries, for this reason")
     given = parser.parse_args(arguments)
     if given.changed is not None and not (given.write and given.changed.strip()):

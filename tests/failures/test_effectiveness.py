@@ -1,4 +1,4 @@
-"""A small version of tools/tables/effectiveness.py, against what a prototype reached (docs/effectiveness.md has the full one)."""
+"""A small version of tools/tables/effectiveness.py against the results of a prototype (docs/effectiveness.md has the full one)."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def own_entrants(use: Sequence[str], files: Sequence[Path], compared: Comparison
 
 
 def _table(file: Path, use: Sequence[str]) -> dict[str, Any]:
-    """Return what a file of settings holds, with its kind."""
+    """Return the table of a settings file, with its kind."""
     table = read_toml(file)
     if "kind" not in table:
         if len(use) != 1:
