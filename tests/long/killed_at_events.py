@@ -2,7 +2,7 @@
 
     python killed_at_events.py campaign|run FOLDER STEP
 
-Prints one JSON line per round: the operation at which it was killed (null: it finished), and what was found afterwards.
+Prints one JSON line per round: the operation at which it was killed (null: it finished), and the findings afterwards.
 """
 
 from __future__ import annotations
