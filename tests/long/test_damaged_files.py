@@ -7,6 +7,7 @@ import shutil
 import tomllib
 from collections.abc import Callable
 from contextlib import nullcontext
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -223,9 +224,10 @@ def test_resume_with_a_damaged_file(tmp_path: Path, name: str, monkeypatch: pyte
         damages += of_values(json.loads(sound.read_bytes()), to_json)
     if name == "rows.jsonl":
         first, *rest = sound.read_text().splitlines(keepends=True)
+        # A row without its checksum, whatever it holds, takes the same way: every 60th of some 600 is enough.
         damages += [
             (label, text + b"\n" + "".join(rest).encode())
-            for label, text in of_values(json.loads(first.partition(" ")[2]), to_json)
+            for label, text in islice(of_values(json.loads(first.partition(" ")[2]), to_json), 0, None, 60)
         ]
     for label, bytes_ in damages:
         shutil.rmtree(tmp_path / "x", ignore_errors=True)
