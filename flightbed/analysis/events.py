@@ -10,7 +10,7 @@ from flightbed.analysis.metrics import at_stop, since_s
 from flightbed.analysis.punctuality import Spell, late_spells
 from flightbed.analysis.summary import RunSummary
 from flightbed.analysis.trace import Trace, true_share
-from flightbed.config.kinds import Failure, GustSettings
+from flightbed.config.kinds import Failure
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
 from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR
@@ -27,7 +27,7 @@ def failures(scenario: Scenario) -> list[str]:
 
 def gusts(scenario: Scenario) -> list[str]:
     """Return the gusts of a scenario in words."""
-    return [f"at {g.at_s:g} s {_gust_text(g)}" for g in scenario.gusts]
+    return [f"at {g.at_s:g} s {g.in_words()}" for g in scenario.gusts]
 
 
 def _failure_text(failure: Failure) -> str:
@@ -53,17 +53,10 @@ def _failure_text(failure: Failure) -> str:
     return f"{surface} effectiveness steps to {failure.to:.0%}"
 
 
-def _gust_text(gust: GustSettings) -> str:
-    if gust.shape == "sine":
-        return f"a harmonic gust of {abs(gust.up_fps):g} ft/s begins, at {gust.frequency_hz:g} Hz"
-    rising = f"rising for {gust.rise_s:g} s" + (f", held for {gust.hold_s:g} s" if gust.hold_s else "")
-    return f"a gust of {abs(gust.up_fps):g} ft/s {'up' if gust.up_fps >= 0.0 else 'down'}, {rising}"
-
-
 def planned_events(scenario: Scenario) -> list[tuple[float, str, bool]]:
     """Return (time in s, text, severe) of the scenario's failures and gusts, in order of time."""
     planned = [(f.at_s, f"FAILURE: {_failure_text(f)}", True) for f in scenario.failures]
-    return sorted(planned + [(g.at_s, f"gust: {_gust_text(g)}", False) for g in scenario.gusts])
+    return sorted(planned + [(g.at_s, f"gust: {g.in_words()}", False) for g in scenario.gusts])
 
 
 def trace_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int = 0) -> list[tuple[float, str, bool]]:

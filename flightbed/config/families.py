@@ -50,6 +50,10 @@ _BUILT_IN = MappingProxyType(
             "rate-limit": "flightbed.failures.surface:build_rate_limit",
             "bias": "flightbed.failures.surface:build_bias",
         },
+        "gusts": {
+            "1-cos": "flightbed.plant.gusts:OneMinusCosine",
+            "sine": "flightbed.plant.gusts:Sine",
+        },
         "estimators": {
             "loop-gain": "flightbed.estimation.loop_gain.estimator:build",
             "differentiated-rls": "flightbed.estimation.differentiated_rls:build",
@@ -101,6 +105,11 @@ _PERMITTED: ContextVar[Mapping[str, Permitted]] = ContextVar("flightbed external
 def names(family: str) -> tuple[str, ...]:
     """Return the sorted names of a family, permitted external code included."""
     return tuple(sorted({*_BUILT_IN[family], *_installed(family), *in_use()}))
+
+
+def built_in(family: str) -> tuple[str, ...]:
+    """Return the sorted names of the built-in members of a family."""
+    return tuple(sorted(_BUILT_IN[family]))
 
 
 def is_built_in(family: str, name: str) -> bool:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
+from flightbed.config import families
+from flightbed.config.family import Family
+from flightbed.config.options import Options
 from flightbed.config.table import (
     Identifier,
     NonNegative,
+    OwnOptions,
     OwnSettings,
     Positive,
     PydanticCustomError,
@@ -19,6 +23,26 @@ from flightbed.config.table import (
     registered,
 )
 from flightbed.core.units import DEG
+
+
+class Surroundings(NamedTuple):
+    """Settings of a scenario on which checks of its kinds depend."""
+
+    control_hz: int
+    lateral: bool  # aileron and rudder are commanded
+    in_g: bool  # the command is a load factor
+
+
+class Kind(Settings):
+    """Base class of the settings of a kind; the keys of a subclass are those of one kind."""
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:  # noqa: ARG002
+        """Return conflicts between keys, one line each, as "place.key: problem (got value)"; ``place`` is that of the table."""
+        return []
+
+    def idle(self, place: str, surroundings: Surroundings) -> dict[str, str]:  # noqa: ARG002
+        """Return key without effect -> the setting outside this table that disables it. ``only_with`` states those inside it."""
+        return {}
 
 
 class Identification(Settings):
@@ -109,15 +133,37 @@ class SideslipCommand(_Shape):
         return Command(**shape, amplitude_deg_s=self.amplitude_deg)
 
 
-class GustSettings(Settings):
-    """Vertical gust, up positive, from at_s on: a 1-cos rise to the peak, a hold and a mirrored fall; or a sine."""
+class GustSettings(Kind):
+    """A vertical gust."""
 
-    shape: Literal["1-cos", "sine"] = "1-cos"
+    shape: str = "1-cos"
+    """Shape over time."""
     at_s: NonNegative
+    """Start."""
     up_fps: Annotated[float, between(-500, 500)]
-    rise_s: Positive = 1.0
-    hold_s: NonNegative = 0.0
-    frequency_hz: Positive = 1.0
+    """Vertical speed of the air at the peak, up positive."""
+
+    def build(self, before: Any) -> Any:
+        """Return the vertical speed of the air over time, m/s, with this gust added to the function ``before``."""
+        raise NotImplementedError
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``, as in "at 2 s a gust ..."."""
+        return f"the gust '{self.shape}' begins"
+
+
+class PlainGust(GustSettings):
+    """A gust of own code: a function (settings, before) -> vertical speed of the air over time."""
+
+    options: OwnOptions = Options()
+    """Its own settings."""
+
+    def build(self, before: Any) -> Any:
+        """Return the vertical speed of the air over time, m/s, with this gust added."""
+        return families.factory("gusts", self.shape)(self, before)
+
+
+GUSTS = Family("gusts", GustSettings, PlainGust, key="shape", default="1-cos")
 
 
 class Failure(OwnSettings):

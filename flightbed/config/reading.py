@@ -58,6 +58,8 @@ def validation_lines(
         key = ".".join(str(part) for part in item["loc"])
         if item["type"] == "consistency":
             found += [f"{place}: {key}{': ' if key else ''}{line}" for line in item["msg"].splitlines()]
+        elif item["type"] == "foreign":
+            found.append(f"{origin_of(key).rstrip(': ')}: {foreign(key, item['ctx'])}")
         elif item["type"] == "extra_forbidden":
             known = known_keys(model, item["loc"][:-1])
             hint = did_you_mean(str(item["loc"][-1]), known) or f"; known: {', '.join(known)}"
@@ -68,3 +70,15 @@ def validation_lines(
             got = "" if silent else f" (got {brief(item['input'])})"
             found.append(f"{exact}{key}: {message(item)}{got}")
     return found
+
+
+def foreign(key: str, context: Mapping[str, Any]) -> str:
+    """Return the message of a key that the kind of its table does not have; ``context`` as in ``family.Family``."""
+    if have := context["have"]:
+        kinds = ", ".join(f"'{kind}'" for kind in have)
+        return (
+            f"{key}: '{context['kind']}' has no such key ({kinds} {'has' if len(have) == 1 else 'have'} it); remove it"
+        )
+    known = context["known"]
+    near = did_you_mean(key.rpartition(".")[2], known) or f"; '{context['kind']}' has: {', '.join(known)}"
+    return f"unknown key {key}{near}"

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from flightbed.config import families
-from flightbed.config.kinds import LOAD_FACTOR_LAWS, Command, EstimatorSettings, RollCommand, SideslipCommand
+from flightbed.config.kinds import (
+    LOAD_FACTOR_LAWS,
+    Command,
+    EstimatorSettings,
+    Kind,
+    RollCommand,
+    SideslipCommand,
+    Surroundings,
+)
+from flightbed.config.table import idle_keys
 from flightbed.core.errors import did_you_mean
 from flightbed.core.harmonics import MOST_HARMONICS, harmonics
 from flightbed.scenario import reconstruction_checks
@@ -83,6 +92,15 @@ _MEMORIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
+def _kinds(scenario: Scenario) -> Iterator[tuple[str, Kind]]:
+    """Yield the place and the settings of each kind in a scenario."""
+    yield from ((f"gusts.{i}", gust) for i, gust in enumerate(scenario.gusts))
+
+
+def _surroundings(scenario: Scenario) -> Surroundings:
+    return Surroundings(scenario.rates.control_hz, lateral=scenario.lateral.enabled, in_g=scenario.in_g)
+
+
 def conflicts(scenario: Scenario) -> list[str]:
     """Return the conflicts between keys of a scenario, one message per line: "place: problem (got value); cure"."""
     hz, ticks = scenario.rates.control_hz, scenario.ticks
@@ -104,6 +122,8 @@ def conflicts(scenario: Scenario) -> list[str]:
             for key in _FAILURE_NEEDS.get(failure.kind, ())
             if key not in failure.model_fields_set
         ]
+    around = _surroundings(scenario)
+    problems += [line for place, kind in _kinds(scenario) for line in kind.conflicts(place, around)]
     problems += _surface_conflicts(scenario)
     problems += reconstruction_checks.conflicts(scenario)
     problems += _command_conflicts(scenario.command, hz)
@@ -302,8 +322,10 @@ def unused_keys(scenario: Scenario) -> dict[str, str]:
         useless = [key for key in _FAILURE_KEYS if key not in used]
         useless += ["surface"] if failure.kind == "cg-shift" else []
         keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
-    for i, gust in enumerate(scenario.gusts):
-        keys |= reconstruction_checks.unused_in_gust(f"gusts.{i}", gust)
+    around = _surroundings(scenario)
+    keys |= idle_keys(scenario)
+    for place, kind in _kinds(scenario):
+        keys |= kind.idle(place, around)
     for i, estimator in enumerate(scenario.estimators):
         place = f"estimators.{i}"
         idle_here = _unused_in_estimator(place, estimator, lateral=lateral.enabled)

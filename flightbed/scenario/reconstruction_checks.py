@@ -1,11 +1,8 @@
-"""Keys of gusts and of estimators that reconstruct an unknown input: conflicts and keys without effect; part of ``checks``."""
+"""Keys of estimators that reconstruct an unknown input: conflicts and keys without effect; part of ``checks``."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
-
-from flightbed.config.kinds import EstimatorSettings, GustSettings
+from flightbed.config.kinds import EstimatorSettings
 from flightbed.scenario.tables import Scenario
 
 KINDS = ("retrospective-cost", "input-kalman")
@@ -29,25 +26,11 @@ _ELEVATOR = (
 )  # fmt: skip
 _DISTURBANCES = ("alpha_disturbance_deg_s", "q_disturbance_deg_s2")
 _SHORTEST = 6  # ticks, shortest window of the test
-_GUST_NEEDS: Mapping[str, str] = MappingProxyType({"1-cos": "rise_s", "sine": "frequency_hz"})
-_UNUSED_BY_GUST: Mapping[str, Sequence[str]] = MappingProxyType(
-    {"1-cos": ("frequency_hz",), "sine": ("rise_s", "hold_s")},
-)
 
 
 def conflicts(scenario: Scenario) -> list[str]:
     """Return the conflicts in a scenario, one line each."""
-    problems = [
-        f"gusts.{i}.{needed}: is missing; a gust of shape '{gust.shape}' needs it"
-        for i, gust in enumerate(scenario.gusts)
-        if (needed := _GUST_NEEDS[gust.shape]) not in gust.model_fields_set
-    ]
-    hz = scenario.rates.control_hz
-    problems += [
-        f"gusts.{i}.frequency_hz: must be below half of rates.control_hz = {hz}, the Nyquist frequency (got {gust.frequency_hz:g})"
-        for i, gust in enumerate(scenario.gusts)
-        if gust.shape == "sine" and not gust.frequency_hz < hz / 2
-    ]
+    problems = []
     adaptation = scenario.adaptation
     corrects = adaptation.estimator if adaptation.enabled and not adaptation.oracle else None
     for i, estimator in enumerate(scenario.estimators):
@@ -62,11 +45,6 @@ def conflicts(scenario: Scenario) -> list[str]:
                 f"adaptation.estimator: must estimate the elevator (got '{corrects}', whose unknown is the gust)"
             )
     return problems
-
-
-def unused_in_gust(place: str, gust: GustSettings) -> dict[str, str]:
-    """Return key -> the setting that leaves it without effect."""
-    return {f"{place}.{key}": f"{place}.shape = '{gust.shape}'" for key in _UNUSED_BY_GUST[gust.shape]}
 
 
 def unused_in_estimator(place: str, estimator: EstimatorSettings, *others: str) -> dict[str, str]:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import tomli_w
 
 from flightbed.config.kinds import (
+    GUSTS,
     LOAD_FACTOR_LAWS,
     Command,
     Control,
@@ -157,7 +158,7 @@ class Scenario(Settings):
     lateral: Lateral = Lateral()
     sensors: Sensors = Sensors()
     atmosphere: Atmosphere = Atmosphere()
-    gusts: tuple[GustSettings, ...] = ()
+    gusts: tuple[Annotated[GustSettings, GUSTS], ...] = ()
     model_error: ModelError = ModelError()
     process_noise: ProcessNoise = ProcessNoise()
     failures: tuple[Failure, ...] = ()
