@@ -20,8 +20,7 @@ from flightbed.campaigns.settings import AxisSettings, CampaignSettings
 from flightbed.config.overrides import replace_at, setting
 from flightbed.config.own_code import Extension
 from flightbed.core.versions import versions
-from flightbed.scenario.checks import unused_keys
-from flightbed.scenario.reading import validate
+from flightbed.scenario.reading import Reading, settle
 from flightbed.scenario.tables import Scenario
 
 Values = Mapping[str, Any]  # key of the scenario -> value
@@ -61,6 +60,7 @@ class Programme:
         settings: the campaign file; None for a plain scenario, whose flights have successive seeds from its own on.
         extensions: own code that the flights use.
         aircraft: fingerprints of all aircraft.
+        note: keys of the file that an override or an axis leaves without effect, in one line; None if there are none.
 
     """
 
@@ -71,6 +71,7 @@ class Programme:
     settings: CampaignSettings | None = None
     extensions: tuple[Extension, ...] = ()
     aircraft: tuple[str, ...] = ()
+    note: str | None = None
 
     def __len__(self) -> int:
         """Return the number of flights."""
@@ -107,8 +108,8 @@ class Programme:
 
     def overrides(self, flight: Flight) -> str:
         """Return the options of ``flightbed run`` that turn the base scenario into this flight; values without effect are left out."""
-        idle = unused_keys(scenario_of(self.raw, flight))
-        texts = [setting(key, value) for key, value in flight.values.items() if key not in idle]
+        dropped = _reading(self.raw, flight).dropped
+        texts = [setting(key, value) for key, value in flight.values.items() if key not in dropped]
         return "".join(f" --set {shlex.quote(text)}" for text in (*texts, f"seed={flight.seed}"))
 
     @property
@@ -142,9 +143,13 @@ class Programme:
 
 
 def scenario_of(raw: Mapping[str, Any], flight: Flight) -> Scenario:
-    """Return the scenario of a flight. Raises ScenarioError."""
+    """Return the scenario of a flight; values without effect at its point are left out. Raises ScenarioError."""
+    return _reading(raw, flight).scenario
+
+
+def _reading(raw: Mapping[str, Any], flight: Flight) -> Reading:
     values, place = {**flight.values, "seed": flight.seed}, f"flight {flight.index}"
-    return validate(with_values(raw, values, place), place, {})
+    return settle(with_values(raw, values, place), place, {})
 
 
 def with_values(raw: Mapping[str, Any], values: Values, place: str) -> Mapping[str, Any]:

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.text import Text
 
-from flightbed.cli.app import Flag, Scheduler, Set, Use, Workers
+from flightbed.cli.app import print_error, Flag, Scheduler, Set, Use, Workers
 from flightbed.cli.screen import print_json, print_lines, progress_bar, table, without_intervals
 
 if TYPE_CHECKING:
@@ -54,6 +54,8 @@ def campaign(
     with using(*(use or ())):
         with progress_bar() as progress:
             programme = load_programme(file, set_ or (), runs)
+            if programme.note:
+                print_error(programme.note)
             check_named(programme.scenario, use or ())
             place = out if out is not None else Path("campaigns") / programme.name
             flown, written = campaigns.run(

@@ -54,10 +54,11 @@ class Family:
         return self._settings(values)
 
     def have(self, path: Sequence[int | str]) -> list[str]:
-        """Return the built-in kinds that have a key, given as the path inside the table."""
+        """Return the kinds that have a key, in quotes, given the path of the key inside the table."""
         if path[0] in self.without:
             return []
-        return [kind for kind in families.built_in(self.name) if has_key(self.of(kind), path)]
+        found = [f"'{kind}'" for kind in families.built_in(self.name) if has_key(self.of(kind), path)]
+        return found or (["own code"] if has_key(self.plain, path) else [])
 
     def _settings(self, value: Any) -> Settings:
         if isinstance(value, self.base):
@@ -94,7 +95,7 @@ class Family:
 
     def _foreign(self, settings: type[Settings], kind: str, loc: Sequence[int | str], value: Any) -> InitErrorDetails:
         known = [key for key in known_keys(settings, loc[:-1]) if key not in self.without]
-        context = {"kind": kind, "have": self.have(loc), "known": known}
+        context = {"key": self.key, "kind": kind, "have": self.have(loc), "known": known}
         return {"type": PydanticCustomError("foreign", "unknown key", context), "loc": tuple(loc), "input": value}
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
