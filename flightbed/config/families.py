@@ -33,11 +33,11 @@ _BUILT_IN = MappingProxyType(
             "none": "flightbed.command.constant:build_none",
         },
         "laws": {
-            "proportional": "flightbed.control.proportional:build",
-            "proportional-integral": "flightbed.control.proportional_integral:build",
-            "lq": "flightbed.control.redesign:build",
-            "nz-adaptive": "flightbed.control.load_factor.adaptive:build",
-            "nz-scheduled": "flightbed.control.load_factor.scheduled:build",
+            "proportional": "flightbed.control.proportional:ProportionalSettings",
+            "proportional-integral": "flightbed.control.proportional_integral:ProportionalIntegralSettings",
+            "lq": "flightbed.control.redesign:LqSettings",
+            "nz-adaptive": "flightbed.control.load_factor.adaptive:NzAdaptiveSettings",
+            "nz-scheduled": "flightbed.control.load_factor.scheduled:NzScheduledSettings",
         },
         "failures": {
             "effectiveness": "flightbed.failures.surface:build_effectiveness",

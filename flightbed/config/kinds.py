@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from flightbed.config import families
 from flightbed.config.family import Family
@@ -43,40 +43,6 @@ class Kind(Settings):
     def idle(self, place: str, surroundings: Surroundings) -> dict[str, str]:  # noqa: ARG002
         """Return key without effect -> the setting outside this table that disables it. ``only_with`` states those inside it."""
         return {}
-
-
-class Identification(Settings):
-    """Online identification of the law nz-adaptive: PLID's prior and noise variances (g^2), and filters of gains and command (rad/s).
-
-    Kemp's thesis uses prior = "thesis", prior_var = 1 and neither filter.
-    """
-
-    prior: Literal["linearization", "thesis"] = "linearization"
-    prior_var: Positive = 1e-3
-    process_var: Positive = 0.01
-    output_var: NonNegative = 1e-8
-    block_fade: Annotated[float, between(1, 2)] = 1.001
-    form: Literal["factored", "plain"] = "factored"
-    precision: Literal["double", "single"] = "double"
-    patience: Annotated[int, between(0, 100000)] = 0
-    gain_filter_rad_s: NonNegative = 5.0
-    command_filter_rad_s: NonNegative = 0.0
-
-
-class Autothrottle(Settings):
-    """Bang-bang autothrottle of flights commanded in g; it holds the initial true airspeed.
-
-    With then_fps > 0 it holds then_fps (ft/s) from then_at_s on. Throttle settings are normalized, 0 to 1.
-    """
-
-    enabled: bool = False
-    low_norm: Share = 0.1
-    high_norm: Share = 1.0
-    then_fps: NonNegative = 0.0
-    then_at_s: NonNegative = 0.0
-
-
-LOAD_FACTOR_LAWS = ("nz-adaptive", "nz-scheduled")  # commanded in g
 
 
 class _Shape(OwnSettings):
@@ -180,46 +146,105 @@ class Failure(OwnSettings):
     shift_cbar: Annotated[float, between(-0.5, 0.5)] = 0.0
 
 
-class GainSettings(Settings):
-    """Given gains of the pitch law, with the signs of ``control.base.Gains``."""
+class LawSettings(Kind):
+    """A control law. It reads the sensors, or alpha and q of an estimator."""
 
-    alpha: float
-    q_s: float
-    elevator: float
-    reference_s: float
-    integral: float = 0.0
+    in_g: ClassVar[bool] = False  # the command is a load factor in g; otherwise a pitch rate
+    can_redesign: ClassVar[bool] = False  # the gains can be computed again for another K, see ``gains_at``
+    identifies: ClassVar[bool] = False  # the law identifies its own model, so no estimator corrects it
+    reads_accelerometer: ClassVar[bool] = True
 
-
-class PitchWeights(Settings):
-    """Weights of the law lq by Bryson's rule: these deviations of alpha, q and elevator cost the same."""
-
-    alpha_deg: Positive = 3.0
-    q_deg_s: Positive = 3.0
-    elevator_deg: Positive = 3.0
-
-
-class Control(OwnSettings):
-    """The control law; without poles and gains it is designed near the poles of Sillence's Table 3 (see docs/control.md).
-
-    The law reads the sensors, or alpha and q of the estimator named by ``state_from``.
-    """
-
-    law: Annotated[str, registered("laws")] = "proportional"
-    poles: tuple[tuple[float, float], ...] | None = None
-    integral_pole_rad_s: Annotated[float, between(-100.0, -1e-6)] = -0.5
-    gains: GainSettings | None = None
-    weights: PitchWeights = PitchWeights()
-    identification: Identification = Identification()
-    autothrottle: Autothrottle = Autothrottle()
+    law: str = "proportional"
+    """Name of the law."""
     state_from: str = ""
+    """Name of the estimator that supplies alpha and q of the law; empty: the readings."""
+
+    @property
+    def times(self) -> Mapping[str, float]:
+        """Key -> its time in s, of the keys that act at a time of the flight."""
+        return {}
+
+    def build(self, design: Any, control_hz: int) -> Any:
+        """Return a new law: a ``control.base.Law`` for a short period, or with ``in_g`` a ``LoadFactorLaw`` for a LoadFactorDesign.
+
+        Raises:
+            DesignError: the law cannot be designed.
+
+        """
+        raise NotImplementedError
+
+    def gains_at(self, design: Any, control_hz: int, effectiveness: float) -> Any:
+        """Return the ``control.base.Gains`` of a law with ``can_redesign`` at a given K. Raises DesignError."""
+        raise NotImplementedError
+
+    def throttle(self, *, airspeed_m_s: float, control_hz: int) -> Any:  # noqa: ARG002
+        """Return the autothrottle of a law with ``in_g``; None if the throttle stays at trim."""
+        return None
+
+
+class PoleSettings(LawSettings):
+    """A law that is designed by pole placement."""
+
+    poles: tuple[tuple[float, float], ...] | None = None
+    """Poles of the closed loop, [re, im]; without them those of docs/control.md."""
 
     @model_validator(mode="after")
-    def _stable(self) -> Control:
+    def _stable(self) -> Self:
         if self.poles is not None and any(real >= 0.0 for real, _ in self.poles):
             raise PydanticCustomError(
                 "poles", "poles must lie in the left half plane (got {p})", {"p": [list(pole) for pole in self.poles]}
             )
         return self
+
+    def wanted_poles(self) -> list[complex] | None:
+        """Return the poles, rad/s; None for the default poles."""
+        return None if self.poles is None else [complex(re, im) for re, im in self.poles]
+
+
+class GainSettings(Settings):
+    """Given gains of the pitch law, with the signs of ``control.base.Gains``."""
+
+    alpha: float
+    """Gain of the angle of attack."""
+    q_s: float
+    """Gain of the pitch rate."""
+    elevator: float
+    """Gain of the elevator's position."""
+    reference_s: float
+    """Gain of the reference."""
+
+
+class IntegralGainSettings(GainSettings):
+    """Given gains of the pitch law with an integral."""
+
+    integral: float = 0.0
+    """Gain of the integral of reference minus pitch rate."""
+
+
+class GainOrPoleSettings(PoleSettings):
+    """A law with given gains, or designed by pole placement."""
+
+    gains: GainSettings | None = None
+    """Gains, which replace the design."""
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:  # noqa: ARG002
+        """Return the problem of gains together with poles."""
+        if self.gains is None or self.poles is None:
+            return []
+        return [f"{place}.poles: cannot be combined with {place}.gains, which replace the design; give one of them"]
+
+
+class PlainLaw(GainOrPoleSettings, OwnSettings):
+    """A law of own code: a class or function (settings, design, control_hz) -> Law."""
+
+    gains: IntegralGainSettings | None = None
+
+    def build(self, design: Any, control_hz: int) -> Any:
+        """Return a new law."""
+        return families.factory("laws", self.law)(self, design, control_hz)
+
+
+LAWS = Family("laws", LawSettings, PlainLaw, key="law", default="proportional")
 
 
 class Prior(Settings):

@@ -16,7 +16,6 @@ from flightbed.config.tracebacks import error_context
 from flightbed.control.base import Law
 from flightbed.control.correction import Adaptation
 from flightbed.control.design import peak_deflection
-from flightbed.control.load_factor.autothrottle import build as autothrottle
 from flightbed.control.redesign import Redesign, RedesignedPitch
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.core.signals import Health, LateralNoise, SensorNoise
@@ -122,7 +121,7 @@ def _load_factor(plan: Plan, plant: Plant) -> LoadFactorAxis | None:
         plant,
         load_factor_law_of(scenario, plan.load_factor),
         list(zip(command.q_cmd_rad_s.tolist(), command.q_ref_rad_s.tolist(), strict=True)),
-        autothrottle(scenario.control.autothrottle, airspeed_m_s=plan.trim.airspeed_m_s, control_hz=hz),
+        scenario.control.throttle(airspeed_m_s=plan.trim.airspeed_m_s, control_hz=hz),
     )
 
 

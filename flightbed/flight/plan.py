@@ -10,10 +10,8 @@ from flightbed.aircraft.overlay import Aircraft, load_path
 from flightbed.avionics.lateral import LateralDirectional
 from flightbed.avionics.schedule import Schedule
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.config import families
 from flightbed.control.base import Gains, Law
 from flightbed.control.load_factor.design import LoadFactorDesign, LoadFactorLaw
-from flightbed.control.redesign import lq_gains
 from flightbed.control.stability_margins import Margins, pitch_margins
 from flightbed.core.actuator import Actuator
 from flightbed.core.errors import AircraftError, DesignError, NoTrimError, ScenarioError
@@ -121,7 +119,7 @@ def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:
     redesign = adaptation.enabled and adaptation.method == "redesign"
     return pitch_margins(
         design,
-        (lambda K: lq_gains(scenario.control, design, hz, K)) if redesign else lambda _K: gains,
+        (lambda K: scenario.control.gains_at(design, hz, K)) if redesign else lambda _K: gains,
         control_hz=hz,
         corrected=adaptation.enabled and not redesign,
         effective=adaptation.enabled and not redesign and adaptation.feedback == "effective",
@@ -130,15 +128,13 @@ def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:
 
 def law_of(scenario: Scenario, design: ShortPeriod) -> Law:
     """Return a new law as specified by the scenario. Raises DesignError."""
-    law: Law = families.factory("laws", scenario.control.law)(scenario.control, design, scenario.rates.control_hz)
+    law: Law = scenario.control.build(design, scenario.rates.control_hz)
     return law
 
 
 def load_factor_law_of(scenario: Scenario, design: LoadFactorDesign) -> LoadFactorLaw:
     """Return a new load-factor law as specified by the scenario. Raises DesignError."""
-    law: LoadFactorLaw = families.factory("laws", scenario.control.law)(
-        scenario.control, design, scenario.rates.control_hz
-    )
+    law: LoadFactorLaw = scenario.control.build(design, scenario.rates.control_hz)
     return law
 
 

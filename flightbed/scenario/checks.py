@@ -7,10 +7,11 @@ from types import MappingProxyType
 
 from flightbed.config import families
 from flightbed.config.kinds import (
-    LOAD_FACTOR_LAWS,
+    LAWS,
     Command,
     EstimatorSettings,
     Kind,
+    LawSettings,
     RollCommand,
     SideslipCommand,
     Surroundings,
@@ -56,14 +57,7 @@ _FAILURE_MAY: Mapping[str, tuple[str, ...]] = MappingProxyType({"ramp": ("over_s
 _FAILURE_KEYS = ("to", "force_to", "over_s", "shift_cbar", "side", "bias_deg")
 _ELEVATOR_ONLY = ("structural", "cg-shift")
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
-# Keys of the law nz-adaptive alone, and of flights commanded in g alone.
-_IDENTIFICATION = (
-    "prior", "prior_var", "process_var", "output_var", "block_fade", "form", "precision", "patience", "gain_filter_rad_s",
-    "command_filter_rad_s",
-)  # fmt: skip
-_AUTOTHROTTLE = ("low_norm", "high_norm", "then_fps", "then_at_s")
 _PLID_ONLY = ("block_fade", "form", "precision")
-_WEIGHTS = ("alpha_deg", "q_deg_s", "elevator_deg")
 _LATERAL_DISTURBANCES = ("beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_disturbance_deg_s2")
 _LOOP_GAIN_ONLY = ("input", "input_at", "alarm_threshold", "follow_disturbances", "hold_std")
 _TWO_STAGE_ONLY = (*_LATERAL_DISTURBANCES, "variance_min", "variance_max", "walk_std", "false_alarm")
@@ -94,6 +88,7 @@ _MEMORIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 def _kinds(scenario: Scenario) -> Iterator[tuple[str, Kind]]:
     """Yield the place and the settings of each kind in a scenario."""
+    yield "control", scenario.control
     yield from ((f"gusts.{i}", gust) for i, gust in enumerate(scenario.gusts))
 
 
@@ -109,8 +104,7 @@ def conflicts(scenario: Scenario) -> list[str]:
         problems.append(f"duration_s: must be a whole number of ticks of 1/{hz} s (got {scenario.duration_s:g})")
     times = {f"failures.{i}.at_s": failure.at_s for i, failure in enumerate(scenario.failures)}
     times |= {f"gusts.{i}.at_s": gust.at_s for i, gust in enumerate(scenario.gusts)}
-    if scenario.control.autothrottle.then_fps:
-        times["control.autothrottle.then_at_s"] = scenario.control.autothrottle.then_at_s
+    times |= {f"control.{key}": at_s for key, at_s in scenario.control.times.items()}
     problems += [
         f"{key}: must be no later than the last tick, {(ticks - 1) / hz:g} s (got {at_s:g})"
         for key, at_s in times.items()
@@ -139,12 +133,11 @@ def conflicts(scenario: Scenario) -> list[str]:
     if control.state_from and control.state_from not in names:
         problems.append(_no_estimator("control.state_from", control.state_from, names))
     problems += _redesign_conflicts(scenario)
-    problems += _load_factor_conflicts(scenario)
-    problems += _options_of_built_ins(scenario)
-    if control.gains is not None and control.poles is not None:
+    if control.identifies and adaptation.enabled:
         problems.append(
-            "control.poles: cannot be combined with control.gains, which replace the design; give one of them"
+            f"adaptation.enabled: must be false with control.law = '{control.law}', which identifies its own model (got true)"
         )
+    problems += _options_of_built_ins(scenario)
     if adaptation.enabled and not adaptation.oracle and adaptation.estimator not in names:
         problems.append(_no_estimator("adaptation.estimator", adaptation.estimator, names))
     return problems
@@ -190,9 +183,11 @@ def _redesign_conflicts(scenario: Scenario) -> list[str]:
     adaptation, problems = scenario.adaptation, []
     if not (adaptation.enabled and adaptation.method == "redesign"):
         return []
-    if scenario.control.law != "lq":
+    if not scenario.control.can_redesign:
+        laws = {name: LAWS.of(name) for name in families.built_in("laws")}
+        able = " or ".join(f"'{n}'" for n, law in laws.items() if issubclass(law, LawSettings) and law.can_redesign)
         problems.append(
-            f"control.law: must be 'lq' with adaptation.method = 'redesign', which redesigns it (got '{scenario.control.law}')"
+            f"control.law: must be {able} with adaptation.method = 'redesign', which redesigns it (got '{scenario.control.law}')"
         )
     if adaptation.oracle:
         problems.append(
@@ -207,38 +202,11 @@ def _redesign_conflicts(scenario: Scenario) -> list[str]:
     return problems
 
 
-def _load_factor_conflicts(scenario: Scenario) -> list[str]:
-    control, adaptation, problems = scenario.control, scenario.adaptation, []
-    if control.law not in LOAD_FACTOR_LAWS:
-        return []
-    if control.law == "nz-adaptive" and adaptation.enabled:
-        problems.append(
-            "adaptation.enabled: must be false with control.law = 'nz-adaptive', which identifies its own model (got true)"
-        )
-    if control.poles is not None and len(control.poles) != 3:
-        problems.append(
-            f"control.poles: must be three with control.law = '{control.law}': two states and the integral (got {len(control.poles)})"
-        )
-    if control.poles is not None:
-        pairs = [complex(*pole) for pole in control.poles]
-        if any(pairs.count(pole) != pairs.count(pole.conjugate()) for pole in pairs):
-            problems.append(
-                f"control.poles: complex ones must come in conjugate pairs, [re, im] and [re, -im] (got {[list(p) for p in control.poles]})"
-            )
-    throttle = control.autothrottle
-    if throttle.enabled and not throttle.low_norm < throttle.high_norm:
-        problems.append(
-            f"control.autothrottle.low_norm: must be below high_norm = {throttle.high_norm:g} (got {throttle.low_norm:g})"
-        )
-    return problems
-
-
 def _options_of_built_ins(scenario: Scenario) -> list[str]:
     tables = [
         ("command", "commands", "kind", scenario.command.kind, scenario.command.options),
         ("lateral.roll", "commands", "kind", scenario.lateral.roll.kind, scenario.lateral.roll.options),
         ("lateral.sideslip", "commands", "kind", scenario.lateral.sideslip.kind, scenario.lateral.sideslip.options),
-        ("control", "laws", "law", scenario.control.law, scenario.control.options),
         *((f"failures.{i}", "failures", "kind", f.kind, f.options) for i, f in enumerate(scenario.failures)),
         *((f"estimators.{i}", "estimators", "kind", e.kind, e.options) for i, e in enumerate(scenario.estimators)),
     ]
@@ -298,10 +266,6 @@ def unused_keys(scenario: Scenario) -> dict[str, str]:
         own |= {f"lateral.{axis}.{key}" for axis in ("roll", "sideslip") for key in type(lateral.roll).model_fields}
         own |= {f"sensors.{key}" for key in _LATERAL_SENSORS} | {"lateral.sideslip.amplitude_deg"}
         keys |= dict.fromkeys(sorted(own), "lateral.enabled = false")
-    if scenario.control.gains is not None:
-        keys["control.integral_pole_rad_s"] = "control.gains"
-    if scenario.control.law == "proportional":
-        keys |= {f"control.{key}": "control.law = 'proportional'" for key in ("integral_pole_rad_s", "gains.integral")}
     if not adaptation.enabled:
         idle = ("estimator", "method", "floor", "feedback", "caution", "oracle", "limit_command")
         keys |= {f"adaptation.{key}": "adaptation.enabled = false" for key in idle}
@@ -310,11 +274,7 @@ def unused_keys(scenario: Scenario) -> dict[str, str]:
         keys |= {f"adaptation.{key}": "adaptation.method = 'redesign'" for key in unused}
     elif adaptation.oracle:
         keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
-    if scenario.control.law != "lq" and families.is_built_in("laws", scenario.control.law):
-        keys |= {f"control.weights.{key}": f"control.law = '{scenario.control.law}'" for key in _WEIGHTS}
-    keys |= _unused_in_g(scenario)
-    if scenario.control.law == "lq":
-        keys |= {f"control.{key}": "control.law = 'lq'" for key in ("poles", "gains", "integral_pole_rad_s")}
+    keys |= _unused_with_law(scenario)
     for i, failure in enumerate(scenario.failures):
         if failure.kind not in _FAILURE_NEEDS:  # a kind of another package may use any key
             continue
@@ -351,29 +311,13 @@ def _unused_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: b
     return keys
 
 
-def _unused_in_g(scenario: Scenario) -> dict[str, str]:
-    """Return the idle keys that depend on whether the flight is commanded in g -> setting that disables them."""
-    law, why = scenario.control.law, f"control.law = '{scenario.control.law}'"
-    identification = {f"control.identification.{key}" for key in _IDENTIFICATION}
-    idle: set[str] = set()
-    if law in LOAD_FACTOR_LAWS:
-        idle |= {"command.amplitude_deg_s", "control.integral_pole_rad_s", "adaptation.feedback"}
-        idle |= {f"control.gains.{key}" for key in ("alpha", "q_s", "elevator", "reference_s", "integral")} | {
-            "control.gains"
-        }
-        idle |= identification if law != "nz-adaptive" else set()
-    elif families.is_built_in("laws", law):
-        idle |= {"command.amplitude_g", *identification, "control.autothrottle.enabled"}
-        idle |= {f"control.autothrottle.{key}" for key in _AUTOTHROTTLE}
-        if all(families.is_built_in("estimators", estimator.kind) for estimator in scenario.estimators):
-            idle.add("sensors.nz_std_g")
-    keys = dict.fromkeys(sorted(idle), why)
-    throttle = scenario.control.autothrottle
-    if law in LOAD_FACTOR_LAWS and not throttle.enabled:
-        keys |= {f"control.autothrottle.{key}": "control.autothrottle.enabled = false" for key in _AUTOTHROTTLE}
-    elif law in LOAD_FACTOR_LAWS and not throttle.then_fps:
-        keys["control.autothrottle.then_at_s"] = "control.autothrottle.then_fps = 0"
-    return keys
+def _unused_with_law(scenario: Scenario) -> dict[str, str]:
+    """Return the keys of other tables that the law leaves without effect -> setting that disables them."""
+    law = scenario.control
+    idle = ["command.amplitude_deg_s", "adaptation.feedback"] if law.in_g else ["command.amplitude_g"]
+    if not law.reads_accelerometer and all(families.is_built_in("estimators", e.kind) for e in scenario.estimators):
+        idle.append("sensors.nz_std_g")
+    return dict.fromkeys(idle, f"control.law = '{law.law}'")
 
 
 def _unused_in_command(place: str, command: Command | RollCommand | SideslipCommand) -> dict[str, str]:

@@ -8,12 +8,12 @@ import tomli_w
 
 from flightbed.config.kinds import (
     GUSTS,
-    LOAD_FACTOR_LAWS,
+    LAWS,
     Command,
-    Control,
     EstimatorSettings,
     Failure,
     GustSettings,
+    LawSettings,
     RollCommand,
     SideslipCommand,
 )
@@ -162,7 +162,7 @@ class Scenario(Settings):
     model_error: ModelError = ModelError()
     process_noise: ProcessNoise = ProcessNoise()
     failures: tuple[Failure, ...] = ()
-    control: Control = Control()
+    control: Annotated[LawSettings, LAWS] = Field(default_factory=LAWS.make)
     adaptation: Adaptation = Adaptation()
     estimators: tuple[EstimatorSettings, ...] = ()
 
@@ -174,7 +174,7 @@ class Scenario(Settings):
     @property
     def in_g(self) -> bool:
         """Whether the command is a load factor in g instead of a pitch rate."""
-        return self.control.law in LOAD_FACTOR_LAWS
+        return self.control.in_g
 
     def with_aircraft(self, model: str, sha256: str) -> Scenario:
         """Return the scenario bound to the aircraft with this path and SHA-256 fingerprint."""

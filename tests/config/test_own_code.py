@@ -491,7 +491,7 @@ def test_set_reaches_options_in_every_table() -> None:
 def test_empty_options_are_not_written() -> None:
     scenario = load_scenario("elevator-loss")
     assert "options" not in scenario.to_toml()
-    assert scenario.control.options == Options() == {}
+    assert scenario.command.options == Options() == {}
     assert load_scenario(tomllib.loads(scenario.to_toml())) == scenario
 
 
@@ -499,7 +499,7 @@ def test_empty_options_are_not_written() -> None:
     ("override", "message"),
     [
         ("estimators.0.options.gain=2", "scenarios/elevator-loss.toml: estimators.0.options: kind 'loop-gain' takes no options (got gain); only external code has them"),
-        ("control.options.gain=2", "scenarios/elevator-loss.toml: control.options: law 'proportional' takes no options (got gain); only external code has them"),
+        ("control.options.gain=2", "--set: unknown key control.options; did you mean poles?"),
         ("failures.0.options.a=2", "scenarios/elevator-loss.toml: failures.0.options: kind 'effectiveness' takes no options (got a); only external code has them"),
         ("command.options.a=2", "scenarios/elevator-loss.toml: command.options: kind 'doublet' takes no options (got a); only external code has them"),
         ("command.options=2", "--set command.options: must be a table (got 2)"),

@@ -109,7 +109,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("estimators.0.forgetting=0.9", "--set estimators.0.forgetting: has no effect with estimators.0.memory = 'window'"),
         ("estimators.1.window=20", "--set estimators.1.window: has no effect with estimators.1.memory = 'expanding'"),
         ("estimators.0.prior.alpha_deg=1", "--set estimators.0.prior.alpha_deg: has no effect with estimators.0.prior.state = 'measurement'"),
-        ("control.integral_pole_rad_s=-1", "--set control.integral_pole_rad_s: has no effect with control.law = 'proportional'"),
+        ("control.integral_pole_rad_s=-1", "--set: control.integral_pole_rad_s: 'proportional' has no such key ('proportional-integral' has it); remove it"),
         ("estimators.0.forgetting=0.1", "--set estimators.0.forgetting: must be between 0.5 and 1 (got 0.1)"),
         ("estimators.0.prior.effectiveness_std=1e200", "--set estimators.0.prior.effectiveness_std: must be above 0 and at most 1000000 (got 1e+200)"),
         ("schema=2", "--set schema: must be 1 (got 2)"),
