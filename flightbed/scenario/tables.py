@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import tomli_w
 
 from flightbed.config.kinds import (
+    ESTIMATORS,
     GUSTS,
     LOAD_FACTOR_LAWS,
     Command,
@@ -164,7 +165,7 @@ class Scenario(Settings):
     failures: tuple[Failure, ...] = ()
     control: Control = Control()
     adaptation: Adaptation = Adaptation()
-    estimators: tuple[EstimatorSettings, ...] = ()
+    estimators: tuple[Annotated[EstimatorSettings, ESTIMATORS], ...] = ()
 
     @property
     def ticks(self) -> int:
