@@ -180,7 +180,7 @@ def _with_bound(plan: Plan, trace: Trace) -> Trace:
         models = schedule_models(trace, plan.schedule, control_hz=hz)
     else:
         return trace
-    window = next((e.window for e in estimators if e.memory == "window"), None)
+    window = next((e.constant_over for e in estimators if e.constant_over is not None), None)
     return trace.with_column("effectiveness_bound", bound(trace, models, sensor_noise(plan.scenario), window=window))
 
 

@@ -55,12 +55,12 @@ _BUILT_IN = MappingProxyType(
             "sine": "flightbed.plant.gusts:Sine",
         },
         "estimators": {
-            "loop-gain": "flightbed.estimation.loop_gain.estimator:build",
-            "differentiated-rls": "flightbed.estimation.differentiated_rls:build",
-            "two-stage": "flightbed.estimation.two_stage.estimator:build",
-            "plid": "flightbed.estimation.plid.estimator:build",
-            "retrospective-cost": "flightbed.estimation.reconstruction.kinds:retrospective_cost",
-            "input-kalman": "flightbed.estimation.reconstruction.kinds:input_kalman",
+            "loop-gain": "flightbed.estimation.loop_gain.estimator:LoopGainSettings",
+            "differentiated-rls": "flightbed.estimation.differentiated_rls:DifferentiatedRlsSettings",
+            "two-stage": "flightbed.estimation.two_stage.estimator:TwoStageSettings",
+            "plid": "flightbed.estimation.plid.estimator:PlidSettings",
+            "retrospective-cost": "flightbed.estimation.reconstruction.kinds:RetrospectiveCostSettings",
+            "input-kalman": "flightbed.estimation.reconstruction.kinds:InputKalmanSettings",
         },
         "studies": {
             "estimators": "flightbed.studies.estimators.study:estimators",

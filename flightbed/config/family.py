@@ -46,12 +46,20 @@ class Family:
 
     def of(self, kind: str) -> type[Settings]:
         """Return the settings class of a kind. Raises UnknownNameError, and ExtensionError for own code that is not permitted."""
-        found = families.factory(self.name, kind)
+        own = families.in_use().get(kind)
+        found = families.factory(self.name, kind) if own is None else own.factory
         return found if isinstance(found, type) and issubclass(found, self.base) else self.plain
 
     def make(self, **values: Any) -> Any:
         """Return the settings of a table. Raises pydantic.ValidationError."""
         return self._settings(values)
+
+    def build(self, settings: Any, *arguments: Any) -> Any:
+        """Return the object that settings build; that of own code is checked, and its errors name file and line."""
+        own = families.in_use().get(getattr(settings, self.key))
+        if own is None or isinstance(settings, self.plain):
+            return settings.build(*arguments)
+        return own.maker(self.name)(settings, *arguments)
 
     def have(self, path: Sequence[int | str]) -> list[str]:
         """Return the kinds that have a key, in quotes, given the path of the key inside the table."""

@@ -11,6 +11,7 @@ from flightbed.config.family import Family
 from flightbed.config.options import Options
 from flightbed.config.table import (
     Identifier,
+    ModelWrapValidatorHandler,
     NonNegative,
     OwnOptions,
     OwnSettings,
@@ -247,97 +248,90 @@ class PlainLaw(GainOrPoleSettings, OwnSettings):
 LAWS = Family("laws", LawSettings, PlainLaw, key="law", default="proportional")
 
 
-class Prior(Settings):
-    """Prior of a filter; state = "measurement" initializes alpha and q from the readings.
+class EffectivenessPrior(Settings):
+    """Prior of the effectiveness K."""
 
-    A fixed state is the prior at the first sample of the filter; ``first_reading`` decides whether the reading of that sample corrects it.
+    effectiveness: Share = 1.0
+    """Mean of K."""
+    effectiveness_std: Positive = 0.63
+    """Standard deviation of K."""
+
+
+class EstimatorSettings(Kind):
+    """One estimator; several may run side by side, at most one corrects the law.
+
+    A subclass has ``kind: Literal["..."]``, or no further ``kind`` in code outside flightbed, its own keys, and ``build``.
     """
 
-    state: Literal["measurement", "fixed"] = "measurement"
-    first_reading: Literal["left-out", "used"] = "left-out"
-    alpha_deg: float = 0.0
-    q_deg_s: float = 0.0
-    alpha_std_deg: Positive = 1.0
-    q_std_deg_s: Positive = 1.0
-    effectiveness: Share = 1.0
-    effectiveness_std: Positive = 0.63
-
-
-# Defaults of a loop-gain estimator that depend on its model. On the short period they are those of Sillence's thesis.
-_BY_MODEL = MappingProxyType(
-    {
-        "short-period": MappingProxyType(
-            {
-                "alarm_threshold": 0.0,
-                "follow_disturbances": False,
-                "hold_std": 0.0,
-                "alpha_disturbance_deg_s": 0.6,
-                "q_disturbance_deg_s2": 6.0,
-            }
-        )
-    }
-)
-
-
-# Defaults that depend on the kind: the two-stage filter has no window, and its test averages few samples; the test of a reconstruction
-# averages more.
-_BY_KIND = MappingProxyType(
-    {
-        "two-stage": MappingProxyType({"memory": "variable", "window": 3}),
-        "retrospective-cost": MappingProxyType({"window": 45}),
-        "input-kalman": MappingProxyType({"window": 45}),
-    }
-)
-
-
-class EstimatorSettings(OwnSettings):
-    """One estimator; several may run side by side, at most one corrects the law. Some defaults depend on the kind and the model."""
+    on_short_period: ClassVar[Mapping[str, Any]] = MappingProxyType({})  # defaults with model = "short-period"
 
     name: Identifier
-    kind: Annotated[str, registered("estimators")] = "loop-gain"
+    """Name in ``adaptation.estimator``, the trace and the reports."""
+    kind: str = "loop-gain"
+    """Algorithm."""
     model: Literal["scheduled", "short-period"] = "scheduled"
-    input: Literal["absolute", "deviation"] = "absolute"
-    input_at: Literal["mean", "start", "end"] = "mean"
-    memory: Literal["window", "expanding", "fading", "variable"] = "window"
-    window: Annotated[int, between(2, 10000)] = 30
-    forgetting: Annotated[float, between(0.5, 1)] = 0.98
+    """Model on board: the schedule over Mach number and angle of attack, or the short period at the trim point."""
     smoothing: Annotated[float, between(0, 0.9999)] = 0.9
+    """s of the smoothed K-hat, s times the last one plus 1 - s times K-hat; it starts at 1."""
     bounds: tuple[float, float] = (0.0, 1.0)
-    alarm_threshold: NonNegative = 30.0
-    follow_disturbances: bool = True
-    hold_std: NonNegative = 0.3
-    alpha_disturbance_deg_s: NonNegative = 0.05
-    q_disturbance_deg_s2: NonNegative = 0.3
-    beta_disturbance_deg_s: NonNegative = 0.05
-    p_disturbance_deg_s2: NonNegative = 1.0
-    r_disturbance_deg_s2: NonNegative = 0.3
-    variance_min: Positive = 2e-5
-    variance_max: Positive = 1.0
-    walk_std: NonNegative = 1e-4
-    false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-6
-    block_fade: Annotated[float, between(1, 2)] = 1.01
-    form: Literal["factored", "plain"] = "factored"
-    precision: Literal["double", "single"] = "double"
-    unknown: Literal["elevator", "gust"] = "elevator"
-    order: Annotated[int, between(1, 20)] = 4
-    horizon: Annotated[int, between(1, 20)] = 6
-    regularization: NonNegative = 1.0
-    initial_covariance: Positive = 0.01
-    input_forgetting: Annotated[float, between(0.5, 1)] = 1.0
-    saturation_deg: Positive = 30.0
-    input_step_deg: Positive = 0.1
-    offset_deg: Positive = 0.3
-    prior: Prior = Prior()
+    """Least and greatest K-hat."""
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _by_model(cls, raw: Any) -> Any:
-        if not isinstance(raw, Mapping):
-            return raw
-        return {**_BY_MODEL.get(str(raw.get("model")), {}), **_BY_KIND.get(str(raw.get("kind")), {}), **raw}
+    def _by_model(cls, raw: Any, read: ModelWrapValidatorHandler[Self]) -> Self:
+        if not isinstance(raw, Mapping) or raw.get("model") != "short-period":
+            return read(raw)
+        more = {key: value for key, value in cls.on_short_period.items() if key not in raw}
+        made = read({**raw, **more})
+        made.model_fields_set.difference_update(more)  # these are defaults
+        return made
 
     @model_validator(mode="after")
-    def _ordered(self) -> EstimatorSettings:
+    def _ordered(self) -> Self:
         if self.bounds[0] >= self.bounds[1]:
             raise PydanticCustomError("bounds", "bounds must rise (got {b})", {"b": list(self.bounds)})
         return self
+
+    @property
+    def needs_schedule(self) -> bool:
+        """Whether the model on board is the schedule, which a linear aircraft does not have."""
+        return self.model == "scheduled"
+
+    @property
+    def detects_changes(self) -> bool:
+        """Whether it has a test for a change of K."""
+        return False
+
+    @property
+    def corrects(self) -> bool:
+        """Whether it estimates the elevator's effectiveness, so that its estimate can correct the law."""
+        return True
+
+    @property
+    def constant_over(self) -> int | None:
+        """Ticks over which it takes K as constant, for the Cramer-Rao bound beside its errors; None: all since the start."""
+        return 30
+
+    def estimates(self, *, lateral: bool) -> tuple[str, ...]:  # noqa: ARG002
+        """Return the surfaces whose effectiveness it estimates; ``lateral``: aileron and rudder are commanded."""
+        return ("elevator",)
+
+    def build(self, onboard: Any) -> Any:
+        """Return the estimator, an ``estimation.base.Estimator`` or ``SurfacesEstimator``, for an ``avionics.onboard.OnBoard``."""
+        raise NotImplementedError
+
+
+class PlainEstimator(EstimatorSettings):
+    """An estimator of own code: a class or function (settings, onboard) -> object with ``update``."""
+
+    prior: EffectivenessPrior = EffectivenessPrior()
+    """Prior of K."""
+    options: OwnOptions = Options()
+    """Its own settings."""
+
+    def build(self, onboard: Any) -> Any:
+        """Return the estimator."""
+        return families.factory("estimators", self.kind)(self, onboard)
+
+
+ESTIMATORS = Family("estimators", EstimatorSettings, PlainEstimator, default="loop-gain")

@@ -22,6 +22,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from flightbed.config import families
+from flightbed.config.table import Settings
 from flightbed.config.tracebacks import constructor_message, error_line, location
 from flightbed.core.errors import ExtensionError, FlightbedError, did_you_mean
 
@@ -40,7 +41,8 @@ class Extension:
 
     Attributes:
         name: its name in scenarios.
-        factory: builds an estimator, law, failure or command from the arguments of the built-in factories of its family.
+        factory: builds an estimator, law, failure or command from its settings and the further arguments of its family, or is the class
+            of these settings, with a method ``build`` that takes the further arguments.
         sha256: hash of its source file at loading; None without a file, as in a notebook.
         files: source files of its traceback frames.
 
@@ -56,7 +58,7 @@ class Extension:
 
         def make(*arguments: Any) -> Any:
             try:
-                made = self.factory(*arguments)
+                made = arguments[0].build(*arguments[1:]) if _is_settings(self.factory) else self.factory(*arguments)
             except FlightbedError:
                 raise
             except Exception as error:
@@ -267,6 +269,10 @@ def _attribute_problem(name: str, module: ModuleType, part: str, known: Sequence
             f"directory, name it {beside}:{attribute}"
         )
     return f"own code {name}: {file} has no '{part}'{did_you_mean(part, known) or '; check the name'}"
+
+
+def _is_settings(factory: Any) -> bool:
+    return isinstance(factory, type) and issubclass(factory, Settings)
 
 
 def _subject(factory: Any) -> Any:

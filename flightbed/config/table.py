@@ -18,6 +18,7 @@ from pydantic import (
     model_serializer,
 )  # fmt: skip
 from pydantic import Field as Field
+from pydantic import ModelWrapValidatorHandler as ModelWrapValidatorHandler
 from pydantic import ValidationError as ValidationError
 from pydantic import model_validator as model_validator
 from pydantic_core import CoreSchema, core_schema

@@ -13,15 +13,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import nan, sqrt
+from typing import Annotated, Literal
 
 import numpy as np
 
 from flightbed.avionics import pitch_kernels
 from flightbed.avionics.onboard import OnBoard
-from flightbed.config import kinds
+from flightbed.config.kinds import EffectivenessPrior, EstimatorSettings
+from flightbed.config.table import between
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.estimation.base import Estimator
 from flightbed.estimation.loop_gain.filter_bank import TickResult
 
 
@@ -167,16 +168,23 @@ class DifferentiatedRls:
         return self._state.copy(), self._settings.copy(), self._schedule.copy()
 
 
-def build(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
+class DifferentiatedRlsSettings(EstimatorSettings):
     """Recursive least squares with variable forgetting on differentiated pitch rate: the baseline."""
-    return DifferentiatedRls(
-        RlsConfig(
-            scheduled=settings.model == "scheduled",
-            forgetting=settings.forgetting,
-            smoothing=settings.smoothing,
-            bounds=(settings.bounds[0], settings.bounds[1]),
-            prior_effectiveness=settings.prior.effectiveness,
-            prior_effectiveness_var=settings.prior.effectiveness_std**2,
-        ),
-        onboard,
-    )
+
+    kind: Literal["differentiated-rls"] = "differentiated-rls"
+    forgetting: Annotated[float, between(0.5, 1)] = 0.98
+    """Smallest forgetting factor."""
+    prior: EffectivenessPrior = EffectivenessPrior()
+    """Prior of K."""
+
+    def build(self, onboard: OnBoard) -> DifferentiatedRls:
+        """Return the estimator."""
+        config = RlsConfig(
+            scheduled=self.model == "scheduled",
+            forgetting=self.forgetting,
+            smoothing=self.smoothing,
+            bounds=self.bounds,
+            prior_effectiveness=self.prior.effectiveness,
+            prior_effectiveness_var=self.prior.effectiveness_std**2,
+        )
+        return DifferentiatedRls(config, onboard)

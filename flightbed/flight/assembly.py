@@ -11,7 +11,7 @@ from flightbed.aircraft.overlay import Aircraft
 from flightbed.avionics.onboard import OnBoard
 from flightbed.command.base import Profile, profile
 from flightbed.config import families
-from flightbed.config.kinds import Command
+from flightbed.config.kinds import ESTIMATORS, Command
 from flightbed.config.tracebacks import error_context
 from flightbed.control.base import Law
 from flightbed.control.correction import Adaptation
@@ -56,7 +56,7 @@ def _assembled(plan: Plan) -> Flight:
     )  # fmt: skip
     onboard = _with_model_errors(onboard, scenario.model_error)
     health = health_history(scenario)
-    estimators = [families.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators]
+    estimators = [ESTIMATORS.build(e, onboard) for e in scenario.estimators]
     names = names_of(scenario, estimators)
     adaptation = scenario.adaptation
     plant = _plant(plan, health(0), air_seed, process_seed)

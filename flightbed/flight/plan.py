@@ -93,7 +93,7 @@ def plan(scenario: Scenario) -> Plan:
                 (aircraft.actuator.min_rad, aircraft.actuator.max_rad),
                 point.elevator_rad,
             )
-        if any(estimator.model == "scheduled" for estimator in scenario.estimators):
+        if any(estimator.needs_schedule for estimator in scenario.estimators):
             shift = repr(scenario.aircraft.cg_shift_cbar)
             fingerprint = (aircraft.sha256, shift, version("jsbsim"), version("flightbed"))
             schedule = load_schedule(
@@ -187,7 +187,11 @@ def _unsupported_by_linear(scenario: Scenario, aircraft: LinearAircraft) -> list
         ("lateral.enabled", scenario.lateral.enabled, False),
         ("model_error.fuel_lbs", scenario.model_error.fuel_lbs, 0.0),
         *((f"failures.{i}.shift_cbar", f.shift_cbar, 0.0) for i, f in enumerate(scenario.failures)),
-        *((f"estimators.{i}.model", e.model, "short-period") for i, e in enumerate(scenario.estimators)),
+        *(
+            (f"estimators.{i}.model", e.model, "short-period")
+            for i, e in enumerate(scenario.estimators)
+            if e.needs_schedule
+        ),
     ]
     faults = [
         f"failures.{i}.kind: '{f.kind}' is an actuator failure; the linear aircraft {aircraft.name} models none, choose another kind"

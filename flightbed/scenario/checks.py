@@ -9,7 +9,6 @@ from flightbed.config import families
 from flightbed.config.kinds import (
     LAWS,
     Command,
-    EstimatorSettings,
     Kind,
     LawSettings,
     RollCommand,
@@ -19,7 +18,6 @@ from flightbed.config.kinds import (
 from flightbed.config.table import idle_keys
 from flightbed.core.errors import did_you_mean
 from flightbed.core.harmonics import MOST_HARMONICS, harmonics
-from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.estimates import detectors
 from flightbed.scenario.tables import Scenario
 
@@ -38,7 +36,6 @@ _COMMAND_USES = {
     "dither": _BAND - {"count"},
     "random": _PULSES - {"period_s"} | _BINARY,
 }
-_FIXED_PRIOR = ("first_reading", "alpha_deg", "q_deg_s", "alpha_std_deg", "q_std_deg_s")
 # Keys that each kind of failure requires besides at_s. Kinds of installed packages may use any key.
 _FAILURE_NEEDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -57,39 +54,13 @@ _FAILURE_MAY: Mapping[str, tuple[str, ...]] = MappingProxyType({"ramp": ("over_s
 _FAILURE_KEYS = ("to", "force_to", "over_s", "shift_cbar", "side", "bias_deg")
 _ELEVATOR_ONLY = ("structural", "cg-shift")
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
-_PLID_ONLY = ("block_fade", "form", "precision")
-_LATERAL_DISTURBANCES = ("beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_disturbance_deg_s2")
-_LOOP_GAIN_ONLY = ("input", "input_at", "alarm_threshold", "follow_disturbances", "hold_std")
-_TWO_STAGE_ONLY = (*_LATERAL_DISTURBANCES, "variance_min", "variance_max", "walk_std", "false_alarm")
-_PRIOR = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
-# Keys that a kind of estimator never uses, whatever its other settings; kinds of installed packages may use any key.
-_UNUSED_BY_ESTIMATOR: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "loop-gain": (*_TWO_STAGE_ONLY, *_PLID_ONLY, *reconstruction_checks.KEYS),
-        "differentiated-rls": (
-            *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PLID_ONLY, *_PRIOR, "memory", "window", "alpha_disturbance_deg_s",
-            "q_disturbance_deg_s2", *reconstruction_checks.KEYS,
-        ),
-        "two-stage": (
-            "input", "input_at", "alarm_threshold", "hold_std", *_PRIOR, "prior.effectiveness", *_PLID_ONLY,
-            *reconstruction_checks.KEYS,
-        ),
-        "plid": (
-            *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PRIOR, "memory", "window", "forgetting", "alpha_disturbance_deg_s",
-            *reconstruction_checks.KEYS,
-        ),
-    }
-)  # fmt: skip
-# Values of "memory" for each kind; a kind that is not listed does not use the key.
-_MEMORIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {"loop-gain": ("window", "expanding", "fading"), "two-stage": ("expanding", "fading", "variable")}
-)
 
 
 def _kinds(scenario: Scenario) -> Iterator[tuple[str, Kind]]:
     """Yield the place and the settings of each kind in a scenario."""
     yield "control", scenario.control
     yield from ((f"gusts.{i}", gust) for i, gust in enumerate(scenario.gusts))
+    yield from ((f"estimators.{i}", estimator) for i, estimator in enumerate(scenario.estimators))
 
 
 def _surroundings(scenario: Scenario) -> Surroundings:
@@ -119,17 +90,15 @@ def conflicts(scenario: Scenario) -> list[str]:
     around = _surroundings(scenario)
     problems += [line for place, kind in _kinds(scenario) for line in kind.conflicts(place, around)]
     problems += _surface_conflicts(scenario)
-    problems += reconstruction_checks.conflicts(scenario)
     problems += _command_conflicts(scenario.command, hz)
     if scenario.lateral.enabled:
         problems += _command_conflicts(scenario.lateral.roll, hz, "lateral.roll")
         problems += _command_conflicts(scenario.lateral.sideslip, hz, "lateral.sideslip")
     names = [estimator.name for estimator in scenario.estimators]
-    for i, estimator in enumerate(scenario.estimators):
-        if estimator.name in names[:i]:
-            problems.append(f"estimators.{i}.name: must be unique (got '{estimator.name}' twice)")
-        problems += _estimator_conflicts(f"estimators.{i}", estimator, lateral=scenario.lateral.enabled)
-    control, adaptation = scenario.control, scenario.adaptation
+    problems += [
+        f"estimators.{i}.name: must be unique (got '{name}' twice)" for i, name in enumerate(names) if name in names[:i]
+    ]
+    control = scenario.control
     if control.state_from and control.state_from not in names:
         problems.append(_no_estimator("control.state_from", control.state_from, names))
     problems += _redesign_conflicts(scenario)
@@ -138,29 +107,21 @@ def conflicts(scenario: Scenario) -> list[str]:
             f"adaptation.enabled: must be false with control.law = '{control.law}', which identifies its own model (got true)"
         )
     problems += _options_of_built_ins(scenario)
-    if adaptation.enabled and not adaptation.oracle and adaptation.estimator not in names:
-        problems.append(_no_estimator("adaptation.estimator", adaptation.estimator, names))
+    problems += _correction_conflicts(scenario)
     return problems
 
 
-def _estimator_conflicts(place: str, estimator: EstimatorSettings, *, lateral: bool) -> list[str]:
-    kind, memory, problems = estimator.kind, estimator.memory, []
-    if kind == "loop-gain" and estimator.model == "scheduled" and estimator.input == "deviation":
-        problems.append(
-            f"{place}.input: must be 'absolute' with model = 'scheduled', which has no trim point (got 'deviation')"
-        )
-    if memory not in (known := _MEMORIES.get(kind, (memory,))):
-        choice = f"{', '.join(map(repr, known[:-1]))} or {known[-1]!r}"
-        problems.append(f"{place}.memory: must be {choice} with kind = '{kind}' (got '{memory}')")
-    if kind == "two-stage" and memory == "variable" and not estimator.variance_min < estimator.variance_max:
-        problems.append(
-            f"{place}.variance_min: must be below variance_max = {estimator.variance_max:g} (got {estimator.variance_min:g})"
-        )
-    if kind == "two-stage" and lateral and estimator.model != "scheduled":
-        problems.append(
-            f"{place}.model: must be 'scheduled' with kind = 'two-stage' and lateral.enabled = true (got '{estimator.model}')"
-        )
-    return problems
+def _correction_conflicts(scenario: Scenario) -> list[str]:
+    adaptation, estimators = scenario.adaptation, {e.name: e for e in scenario.estimators}
+    if not adaptation.enabled or adaptation.oracle:
+        return []
+    if adaptation.estimator not in estimators:
+        return [_no_estimator("adaptation.estimator", adaptation.estimator, list(estimators))]
+    if not estimators[adaptation.estimator].corrects:
+        return [
+            f"adaptation.estimator: must estimate the elevator's effectiveness (got '{adaptation.estimator}', which does not)"
+        ]
+    return []
 
 
 def _surface_conflicts(scenario: Scenario) -> list[str]:
@@ -208,7 +169,6 @@ def _options_of_built_ins(scenario: Scenario) -> list[str]:
         ("lateral.roll", "commands", "kind", scenario.lateral.roll.kind, scenario.lateral.roll.options),
         ("lateral.sideslip", "commands", "kind", scenario.lateral.sideslip.kind, scenario.lateral.sideslip.options),
         *((f"failures.{i}", "failures", "kind", f.kind, f.options) for i, f in enumerate(scenario.failures)),
-        *((f"estimators.{i}", "estimators", "kind", e.kind, e.options) for i, e in enumerate(scenario.estimators)),
     ]
     return [
         f"{place}.options: {key} '{name}' takes no options (got {', '.join(options)}); only external code has them"
@@ -286,28 +246,6 @@ def unused_keys(scenario: Scenario) -> dict[str, str]:
     keys |= idle_keys(scenario)
     for place, kind in _kinds(scenario):
         keys |= kind.idle(place, around)
-    for i, estimator in enumerate(scenario.estimators):
-        place = f"estimators.{i}"
-        idle_here = _unused_in_estimator(place, estimator, lateral=lateral.enabled)
-        keys |= {f"{place}.{key}": why for key, why in idle_here.items()}
-    return keys
-
-
-def _unused_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: bool) -> dict[str, str]:
-    kind = estimator.kind
-    keys = dict.fromkeys(_UNUSED_BY_ESTIMATOR.get(kind, ()), f"{place}.kind = '{kind}'")
-    only_with = {
-        "loop-gain": {"window": "window", "alarm_threshold": "window", "forgetting": "fading"},
-        "two-stage": {"forgetting": "fading", "variance_min": "variable", "variance_max": "variable"},
-    }
-    for key, memory in only_with.get(kind, {}).items():
-        if estimator.memory != memory:
-            keys[key] = f"{place}.memory = '{estimator.memory}'"
-    if kind == "two-stage" and not lateral:
-        keys |= dict.fromkeys(_LATERAL_DISTURBANCES, "lateral.enabled = false")
-    keys |= reconstruction_checks.unused_in_estimator(place, estimator, *_PRIOR, *_PLID_ONLY, *_LATERAL_DISTURBANCES)
-    if kind == "loop-gain" and estimator.prior.state == "measurement":
-        keys |= {f"prior.{key}": f"{place}.prior.state = 'measurement'" for key in _FIXED_PRIOR}
     return keys
 
 

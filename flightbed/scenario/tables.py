@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import tomli_w
 
 from flightbed.config.kinds import (
+    ESTIMATORS,
     GUSTS,
     LAWS,
     Command,
@@ -164,7 +165,7 @@ class Scenario(Settings):
     failures: tuple[Failure, ...] = ()
     control: Annotated[LawSettings, LAWS] = Field(default_factory=LAWS.make)
     adaptation: Adaptation = Adaptation()
-    estimators: tuple[EstimatorSettings, ...] = ()
+    estimators: tuple[Annotated[EstimatorSettings, ESTIMATORS], ...] = ()
 
     @property
     def ticks(self) -> int:
