@@ -83,9 +83,7 @@ def _at_least_one(runs: int) -> int:
     return runs
 
 
-def _programme(
-    settings: CampaignSettings, base: Reading, place: str, overridden: Sequence[str]
-) -> Programme:
+def _programme(settings: CampaignSettings, base: Reading, place: str, overridden: Sequence[str]) -> Programme:
     scenario = base.scenario
     found = [*_axis_problems(settings, place, overridden), *_criteria_problems(settings, scenario, place)]
     lengths = 1
@@ -110,7 +108,14 @@ def _programme(
     complete = settle(raw, place, {}).scenario
     notes = [note for note in (base.note, Reading(raw, complete, dropped).note) if note]
     return Programme(
-        complete, raw, settings.runs, points, settings, named_extensions(complete), fingerprints, "; ".join(notes) or None
+        complete,
+        raw,
+        settings.runs,
+        points,
+        settings,
+        named_extensions(complete),
+        fingerprints,
+        "; ".join(notes) or None,
     )
 
 
@@ -185,6 +190,8 @@ def _point_problems(
         idle.update(reading.dropped)
         effective.update(key for key in values if key not in reading.dropped)
     useless = [
-        f"{origins[k]}.key: {k} has no effect with {why}" for k, why in idle.items() if k in origins and k not in effective
+        f"{origins[k]}.key: {k} has no effect with {why}"
+        for k, why in idle.items()
+        if k in origins and k not in effective
     ]
     return [*found, *([] if found else useless)], {k: why for k, why in idle.items() if k not in origins}

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.text import Text
 
-from flightbed.cli.app import print_error, Flag, Scheduler, Set, Use, Workers
+from flightbed.cli.app import Flag, Scheduler, Set, Use, Workers, print_error
 from flightbed.cli.screen import print_json, print_lines, progress_bar, table, without_intervals
 
 if TYPE_CHECKING:

@@ -264,6 +264,7 @@ class EstimatorSettings(Kind):
     """
 
     on_short_period: ClassVar[Mapping[str, Any]] = MappingProxyType({})  # defaults with model = "short-period"
+    reads_accelerometer: ClassVar[bool] = True
 
     name: Identifier
     """Name in ``adaptation.estimator``, the trace and the reports."""

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 
 from flightbed.config import families
 from flightbed.config.kinds import (
     LAWS,
     Command,
-    Kind,
     LawSettings,
     RollCommand,
     SideslipCommand,
-    Surroundings,
 )
-from flightbed.config.table import idle_keys
 from flightbed.core.errors import did_you_mean
 from flightbed.core.harmonics import MOST_HARMONICS, harmonics
 from flightbed.scenario.estimates import detectors
@@ -56,17 +53,6 @@ _ELEVATOR_ONLY = ("structural", "cg-shift")
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
 
 
-def _kinds(scenario: Scenario) -> Iterator[tuple[str, Kind]]:
-    """Yield the place and the settings of each kind in a scenario."""
-    yield "control", scenario.control
-    yield from ((f"gusts.{i}", gust) for i, gust in enumerate(scenario.gusts))
-    yield from ((f"estimators.{i}", estimator) for i, estimator in enumerate(scenario.estimators))
-
-
-def _surroundings(scenario: Scenario) -> Surroundings:
-    return Surroundings(scenario.rates.control_hz, lateral=scenario.lateral.enabled, in_g=scenario.in_g)
-
-
 def conflicts(scenario: Scenario) -> list[str]:
     """Return the conflicts between keys of a scenario, one message per line: "place: problem (got value); cure"."""
     hz, ticks = scenario.rates.control_hz, scenario.ticks
@@ -87,8 +73,8 @@ def conflicts(scenario: Scenario) -> list[str]:
             for key in _FAILURE_NEEDS.get(failure.kind, ())
             if key not in failure.model_fields_set
         ]
-    around = _surroundings(scenario)
-    problems += [line for place, kind in _kinds(scenario) for line in kind.conflicts(place, around)]
+    for place, kind in scenario.kinds():
+        problems += kind.conflicts(place, scenario.surroundings)
     problems += _surface_conflicts(scenario)
     problems += _command_conflicts(scenario.command, hz)
     if scenario.lateral.enabled:
@@ -98,11 +84,10 @@ def conflicts(scenario: Scenario) -> list[str]:
     problems += [
         f"estimators.{i}.name: must be unique (got '{name}' twice)" for i, name in enumerate(names) if name in names[:i]
     ]
+    problems += references(scenario).values()
     control = scenario.control
-    if control.state_from and control.state_from not in names:
-        problems.append(_no_estimator("control.state_from", control.state_from, names))
     problems += _redesign_conflicts(scenario)
-    if control.identifies and adaptation.enabled:
+    if control.identifies and scenario.adaptation.enabled:
         problems.append(
             f"adaptation.enabled: must be false with control.law = '{control.law}', which identifies its own model (got true)"
         )
@@ -111,12 +96,22 @@ def conflicts(scenario: Scenario) -> list[str]:
     return problems
 
 
+def references(scenario: Scenario) -> dict[str, str]:
+    """Return key -> its problem, for keys that name an estimator which does not exist, even where the key has no effect."""
+    adaptation, names = scenario.adaptation, [estimator.name for estimator in scenario.estimators]
+    named = {"control.state_from": scenario.control.state_from, "adaptation.estimator": adaptation.estimator}
+    corrected = adaptation.enabled and not adaptation.oracle
+    return {
+        key: f"{key}: no estimator is named '{name}'{did_you_mean(name, names)}; known: {', '.join(names) or 'none'}"
+        for key, name in named.items()
+        if name not in names and (name or (key == "adaptation.estimator" and corrected))
+    }
+
+
 def _correction_conflicts(scenario: Scenario) -> list[str]:
     adaptation, estimators = scenario.adaptation, {e.name: e for e in scenario.estimators}
-    if not adaptation.enabled or adaptation.oracle:
+    if not adaptation.enabled or adaptation.oracle or adaptation.estimator not in estimators:
         return []
-    if adaptation.estimator not in estimators:
-        return [_no_estimator("adaptation.estimator", adaptation.estimator, list(estimators))]
     if not estimators[adaptation.estimator].corrects:
         return [
             f"adaptation.estimator: must estimate the elevator's effectiveness (got '{adaptation.estimator}', which does not)"
@@ -177,10 +172,6 @@ def _options_of_built_ins(scenario: Scenario) -> list[str]:
     ]
 
 
-def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
-    return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; known: {', '.join(names) or 'none'}"
-
-
 def _command_conflicts(command: Command | RollCommand | SideslipCommand, hz: int, place: str = "command") -> list[str]:
     kind = command.kind
     shortest = {"doublet": ("period_s", 2), "3-2-1-1": ("period_s", 7), "random": ("switch_s", 1)}
@@ -211,51 +202,6 @@ def _command_conflicts(command: Command | RollCommand | SideslipCommand, hz: int
                 f"(got {found}); {cure}"
             )
     return problems
-
-
-def unused_keys(scenario: Scenario) -> dict[str, str]:
-    """Return key without effect -> setting that disables it."""
-    lateral, adaptation = scenario.lateral, scenario.adaptation
-    keys = _unused_in_command("command", scenario.command)
-    if lateral.enabled:
-        keys |= _unused_in_command("lateral.roll", lateral.roll) | _unused_in_command(
-            "lateral.sideslip", lateral.sideslip
-        )
-    else:
-        own = {f"lateral.{key}" for key in type(lateral).model_fields if key != "enabled"}
-        own |= {f"lateral.{axis}.{key}" for axis in ("roll", "sideslip") for key in type(lateral.roll).model_fields}
-        own |= {f"sensors.{key}" for key in _LATERAL_SENSORS} | {"lateral.sideslip.amplitude_deg"}
-        keys |= dict.fromkeys(sorted(own), "lateral.enabled = false")
-    if not adaptation.enabled:
-        idle = ("estimator", "method", "floor", "feedback", "caution", "oracle", "limit_command")
-        keys |= {f"adaptation.{key}": "adaptation.enabled = false" for key in idle}
-    elif adaptation.method == "redesign":
-        unused = ("feedback", "caution", "limit_command")
-        keys |= {f"adaptation.{key}": "adaptation.method = 'redesign'" for key in unused}
-    elif adaptation.oracle:
-        keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
-    keys |= _unused_with_law(scenario)
-    for i, failure in enumerate(scenario.failures):
-        if failure.kind not in _FAILURE_NEEDS:  # a kind of another package may use any key
-            continue
-        used = (*_FAILURE_NEEDS[failure.kind], *_FAILURE_MAY.get(failure.kind, ()))
-        useless = [key for key in _FAILURE_KEYS if key not in used]
-        useless += ["surface"] if failure.kind == "cg-shift" else []
-        keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
-    around = _surroundings(scenario)
-    keys |= idle_keys(scenario)
-    for place, kind in _kinds(scenario):
-        keys |= kind.idle(place, around)
-    return keys
-
-
-def _unused_with_law(scenario: Scenario) -> dict[str, str]:
-    """Return the keys of other tables that the law leaves without effect -> setting that disables them."""
-    law = scenario.control
-    idle = ["command.amplitude_deg_s", "adaptation.feedback"] if law.in_g else ["command.amplitude_g"]
-    if not law.reads_accelerometer and all(families.is_built_in("estimators", e.kind) for e in scenario.estimators):
-        idle.append("sensors.nz_std_g")
-    return dict.fromkeys(idle, f"control.law = '{law.law}'")
 
 
 def _unused_in_command(place: str, command: Command | RollCommand | SideslipCommand) -> dict[str, str]:

@@ -28,7 +28,7 @@ from flightbed.config.table import ValidationError
 from flightbed.core import data
 from flightbed.core.errors import ScenarioError
 from flightbed.scenario import version_0_1
-from flightbed.scenario.checks import conflicts, unused_keys
+from flightbed.scenario.checks import conflicts, references
 from flightbed.scenario.tables import Scenario
 
 __all__ = ["Scenario", "load_scenario"]
@@ -104,8 +104,12 @@ def read(raw: Mapping[str, Any], place: str, overrides: Sequence[str] = ()) -> R
     changed, overridden = override(raw, overrides)
     if not overridden:
         return _settled(raw, place, {}, lambda _key: False, cure)
-    origins, bad = dict.fromkeys(overridden, "--set"), _Read(raw).without_effect
+    origins, alone = dict.fromkeys(overridden, "--set"), _Read(raw)
+    bad = alone.without_effect
     found = _settled(changed, place, origins, lambda key: key not in bad and not _is_from(origins, key), cure)
+    missing = {} if alone.scenario is None else references(alone.scenario)
+    if problems := [f"{place}: {problem}" for key, problem in missing.items() if key in found.dropped]:
+        raise ScenarioError(problems)
     return found if "description" in overridden else _described(found, overrides)
 
 
@@ -139,7 +143,7 @@ class _Read:
         self.error: ValidationError | None = None
         try:
             self.scenario = Scenario.model_validate(with_tuples(raw))
-            idle = unused_keys(self.scenario)
+            idle = self.scenario.idle_keys()
         except ValidationError as error:
             self.error, idle = error, _foreign(error)
         keys = dict.fromkeys([*given_keys(raw), *idle])

@@ -183,15 +183,15 @@ _ESTIMATOR_KEYS = frozenset(_DEFAULTS["estimators"])
 
 def is_resolved(raw: Mapping[str, Any]) -> bool:
     """Return whether version 0.1 resolved a file: it names the aircraft by hash, and holds keys of all laws, commands and estimators."""
-    aircraft, control, command = (raw.get(key) for key in ("aircraft", "control", "command"))
-    tables = [aircraft, control, command]
-    if not all(isinstance(table, Mapping) for table in tables):
-        return False
+    aircraft, control, command = (
+        set(table) if isinstance(table := raw.get(key), Mapping) else set()
+        for key in ("aircraft", "control", "command")
+    )
     estimators = raw.get("estimators", ())
     return (
-        bool(aircraft.get("sha256"))
-        and {"weights", "identification", "autothrottle"} <= set(control)
-        and {"register_bits", "switch_s", "low_hz"} <= set(command)
+        "sha256" in aircraft
+        and {"weights", "identification", "autothrottle"} <= control
+        and {"register_bits", "switch_s", "low_hz"} <= command
         and isinstance(estimators, Sequence)
         and all(isinstance(table, Mapping) and set(table) >= _ESTIMATOR_KEYS for table in estimators)
     )
