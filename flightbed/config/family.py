@@ -10,7 +10,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 from flightbed.config import families
-from flightbed.config.table import Settings, has_key, known_keys, unregistered
+from flightbed.config.table import Settings, description_of, has_key, known_keys, unregistered
 
 _PYDANTIC = frozenset(get_args(core_schema.ErrorType))  # the other error types are our own
 
@@ -115,10 +115,47 @@ class Family:
         written = settings.model_dump(mode="json", by_alias=True, exclude_none=True)
         return {key: value for key, value in written.items() if key not in self.without}
 
-    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        one_of = []
-        for kind in families.built_in(self.name):
-            schema = self.of(kind).model_json_schema()
-            schema["properties"] = {k: v for k, v in schema["properties"].items() if k not in self.without}
-            one_of.append(schema)
-        return {"oneOf": one_of, "discriminator": {"propertyName": self.key}}
+    def __get_pydantic_json_schema__(self, _core: CoreSchema, _handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Return one schema per built-in kind, and an open one for installed kinds and own code."""
+        names = families.built_in(self.name)
+        kinds = [self._schema_of(kind) for kind in names]
+        other = {
+            "title": "installed kind or own code",
+            "description": "A kind of an installed package, or own code, module:Attribute or file.py:Attribute (see flightbed docs extending).",
+            "type": "object",
+            "properties": {self.key: {"type": "string", "description": "Its name.", "not": {"enum": list(names)}}},
+            "required": [self.key],
+        }
+        return {"type": "object", "oneOf": [*kinds, other]}
+
+    def _schema_of(self, kind: str) -> JsonSchemaValue:
+        schema = inlined(self.of(kind).model_json_schema())
+        schema["title"] = kind
+        schema["properties"] = {k: v for k, v in schema["properties"].items() if k not in self.without}
+        schema["properties"][self.key] = {"const": kind, "description": description_of(self.base, self.key)}
+        if kind != self.default:
+            schema["required"] = [self.key, *schema.get("required", [])]
+        return schema
+
+
+def inlined(schema: JsonSchemaValue) -> JsonSchemaValue:
+    """Return a JSON Schema without references to definitions, without generated titles and without null."""
+    definitions = schema.get("$defs", {})
+
+    def walk(node: Any) -> Any:
+        if isinstance(node, list):
+            return [walk(inner) for inner in node]
+        if not isinstance(node, dict):
+            return node
+        if "$ref" in node:
+            found = definitions[node["$ref"].rpartition("/")[2]]
+            node = {**found, **{key: value for key, value in node.items() if key != "$ref"}}
+        choices = node.get("anyOf", ())
+        if {"type": "null"} in choices:  # None stands for an absent key, and TOML has no null
+            (only,) = [choice for choice in choices if choice != {"type": "null"}]
+            node = {**only, **{key: value for key, value in node.items() if key not in ("anyOf", "default")}}
+            return walk(node)
+        kept = {key: value for key, value in node.items() if key != "$defs" and not (key == "title" and isinstance(value, str))}
+        return {key: walk(value) for key, value in kept.items()}
+
+    return dict(walk(schema))

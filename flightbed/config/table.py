@@ -21,6 +21,7 @@ from pydantic import Field as Field
 from pydantic import ModelWrapValidatorHandler as ModelWrapValidatorHandler
 from pydantic import ValidationError as ValidationError
 from pydantic import model_validator as model_validator
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 from pydantic_core import PydanticCustomError as PydanticCustomError
 
@@ -86,6 +87,30 @@ def _holds(value: Any, wanted: Any) -> bool:
     if isinstance(wanted, Above):
         return bool(value > wanted.limit)
     return value in wanted if isinstance(wanted, tuple) else bool(value == wanted)
+
+
+def description_of(table: type[BaseModel], name: str) -> str | None:
+    """Return the description of a field: its own, or that of the class from which it is derived."""
+    fields = (base.model_fields.get(name) for base in table.__mro__ if issubclass(base, BaseModel))
+    return next((field.description for field in fields if field is not None and field.description), None)
+
+
+def _rules(table: type[BaseModel], name: str, field: FieldInfo) -> Iterator[dict[str, Any]]:
+    """Yield the conditions of a key as JSON Schema: where one does not hold, the key must be absent."""
+    for item in field.metadata:
+        if isinstance(item, OnlyWith):
+            for other, wanted in item.conditions.items():
+                default = table.model_fields[other].default
+                if wanted is None:
+                    yield {"if": {"required": [other]}, "then": {"properties": {name: False}}}
+                    continue
+                values = list(wanted) if isinstance(wanted, tuple) else [wanted]
+                right = {"exclusiveMinimum": wanted.limit} if isinstance(wanted, Above) else {"enum": values}
+                given = [] if _holds(default, wanted) else [other]  # absent, the other key has its default
+                yield {
+                    "if": {"properties": {other: right}, "required": given},
+                    "else": {"properties": {name: False}},
+                }
 
 
 def idle_keys(table: BaseModel, place: str = "") -> dict[str, str]:
@@ -189,6 +214,17 @@ class Settings(BaseModel):
         populate_by_name=True,
         use_attribute_docstrings=True,
     )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema of the table, with ``only_with`` as if-else."""
+        schema = handler.resolve_ref_schema(handler(core))
+        for name, field in cls.model_fields.items():
+            if text := description_of(cls, name):
+                schema["properties"][field.alias or name]["description"] = text
+        if rules := [rule for name, field in cls.model_fields.items() for rule in _rules(cls, name, field)]:
+            schema["allOf"] = rules
+        return schema
 
 
 class OwnSettings(Settings):
