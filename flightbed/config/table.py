@@ -194,6 +194,7 @@ class OwnSettings(Settings):
     """Base class of a table that names code; external code reads its own keys from ``options``."""
 
     options: OwnOptions = Options()
+    """Keys of the external code."""
 
     @model_serializer(mode="wrap")
     def _without_empty_options(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -38,23 +38,6 @@ _COMMAND_USES = {
     "random": _PULSES - {"period_s"} | _BINARY,
 }
 _FIXED_PRIOR = ("first_reading", "alpha_deg", "q_deg_s", "alpha_std_deg", "q_std_deg_s")
-# Keys that each kind of failure requires besides at_s. Kinds of installed packages may use any key.
-_FAILURE_NEEDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "effectiveness": ("to",),
-        "ramp": ("to",),
-        "structural": ("to", "force_to"),
-        "cg-shift": ("shift_cbar",),
-        "stuck": (),
-        "floating": (),
-        "hardover": ("side",),
-        "rate-limit": ("to",),
-        "bias": ("bias_deg",),
-    }
-)
-_FAILURE_MAY: Mapping[str, tuple[str, ...]] = MappingProxyType({"ramp": ("over_s",)})
-_FAILURE_KEYS = ("to", "force_to", "over_s", "shift_cbar", "side", "bias_deg")
-_ELEVATOR_ONLY = ("structural", "cg-shift")
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
 # Keys of the law nz-adaptive alone, and of flights commanded in g alone.
 _IDENTIFICATION = (
@@ -94,6 +77,7 @@ _MEMORIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 def _kinds(scenario: Scenario) -> Iterator[tuple[str, Kind]]:
     """Yield the place and the settings of each kind in a scenario."""
+    yield from ((f"failures.{i}", failure) for i, failure in enumerate(scenario.failures))
     yield from ((f"gusts.{i}", gust) for i, gust in enumerate(scenario.gusts))
 
 
@@ -116,15 +100,8 @@ def conflicts(scenario: Scenario) -> list[str]:
         for key, at_s in times.items()
         if at_s * hz > ticks - 1 + 1e-6
     ]
-    for i, failure in enumerate(scenario.failures):
-        problems += [
-            f"failures.{i}.{key}: is missing; a failure of kind '{failure.kind}' needs it"
-            for key in _FAILURE_NEEDS.get(failure.kind, ())
-            if key not in failure.model_fields_set
-        ]
     around = _surroundings(scenario)
     problems += [line for place, kind in _kinds(scenario) for line in kind.conflicts(place, around)]
-    problems += _surface_conflicts(scenario)
     problems += reconstruction_checks.conflicts(scenario)
     problems += _command_conflicts(scenario.command, hz)
     if scenario.lateral.enabled:
@@ -167,22 +144,6 @@ def _estimator_conflicts(place: str, estimator: EstimatorSettings, *, lateral: b
         problems.append(
             f"{place}.model: must be 'scheduled' with kind = 'two-stage' and lateral.enabled = true (got '{estimator.model}')"
         )
-    return problems
-
-
-def _surface_conflicts(scenario: Scenario) -> list[str]:
-    problems = []
-    for i, failure in enumerate(scenario.failures):
-        if failure.surface == "elevator":
-            continue
-        if failure.kind in _ELEVATOR_ONLY:
-            problems.append(
-                f"failures.{i}.surface: must be 'elevator' with kind = '{failure.kind}' (got '{failure.surface}')"
-            )
-        elif not scenario.lateral.enabled:
-            problems.append(
-                f"failures.{i}.surface: the stock laws control aileron and rudder (got '{failure.surface}'); set lateral.enabled to true"
-            )
     return problems
 
 
@@ -239,7 +200,6 @@ def _options_of_built_ins(scenario: Scenario) -> list[str]:
         ("lateral.roll", "commands", "kind", scenario.lateral.roll.kind, scenario.lateral.roll.options),
         ("lateral.sideslip", "commands", "kind", scenario.lateral.sideslip.kind, scenario.lateral.sideslip.options),
         ("control", "laws", "law", scenario.control.law, scenario.control.options),
-        *((f"failures.{i}", "failures", "kind", f.kind, f.options) for i, f in enumerate(scenario.failures)),
         *((f"estimators.{i}", "estimators", "kind", e.kind, e.options) for i, e in enumerate(scenario.estimators)),
     ]
     return [
@@ -315,13 +275,6 @@ def unused_keys(scenario: Scenario) -> dict[str, str]:
     keys |= _unused_in_g(scenario)
     if scenario.control.law == "lq":
         keys |= {f"control.{key}": "control.law = 'lq'" for key in ("poles", "gains", "integral_pole_rad_s")}
-    for i, failure in enumerate(scenario.failures):
-        if failure.kind not in _FAILURE_NEEDS:  # a kind of another package may use any key
-            continue
-        used = (*_FAILURE_NEEDS[failure.kind], *_FAILURE_MAY.get(failure.kind, ()))
-        useless = [key for key in _FAILURE_KEYS if key not in used]
-        useless += ["surface"] if failure.kind == "cg-shift" else []
-        keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
     around = _surroundings(scenario)
     keys |= idle_keys(scenario)
     for place, kind in _kinds(scenario):

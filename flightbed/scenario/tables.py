@@ -7,12 +7,13 @@ from typing import Annotated, Literal
 import tomli_w
 
 from flightbed.config.kinds import (
+    FAILURES,
     GUSTS,
     LOAD_FACTOR_LAWS,
     Command,
     Control,
     EstimatorSettings,
-    Failure,
+    FailureSettings,
     GustSettings,
     RollCommand,
     SideslipCommand,
@@ -161,7 +162,7 @@ class Scenario(Settings):
     gusts: tuple[Annotated[GustSettings, GUSTS], ...] = ()
     model_error: ModelError = ModelError()
     process_noise: ProcessNoise = ProcessNoise()
-    failures: tuple[Failure, ...] = ()
+    failures: tuple[Annotated[FailureSettings, FAILURES], ...] = ()
     control: Control = Control()
     adaptation: Adaptation = Adaptation()
     estimators: tuple[EstimatorSettings, ...] = ()
