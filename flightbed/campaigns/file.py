@@ -158,7 +158,7 @@ def _criteria_problems(settings: CampaignSettings, scenario: Scenario, place: st
 def _point_problems(
     settings: CampaignSettings, raw: Mapping[str, Any], points: Sequence[Values], place: str, columns: Sequence[str]
 ) -> tuple[list[str], dict[str, str]]:
-    """Return the problems of the points' scenarios, and of the limits of drawn values, each once; and the keys of the base that are dropped.
+    """Return the problems of the points' scenarios and of the limits of drawn values, each once, and the dropped keys of the base.
 
     All points must have the same estimates, because the estimates are columns of the table.
     """

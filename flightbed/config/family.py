@@ -121,7 +121,7 @@ class Family:
         kinds = [self._schema_of(kind) for kind in names]
         other = {
             "title": "installed kind or own code",
-            "description": "A kind of an installed package, or own code, module:Attribute or file.py:Attribute (see flightbed docs extending).",
+            "description": "A kind of an installed package, or own code: module:Attribute or path/to/file.py:Attribute.",
             "type": "object",
             "properties": {self.key: {"type": "string", "description": "Its name.", "not": {"enum": list(names)}}},
             "required": [self.key],
@@ -155,7 +155,11 @@ def inlined(schema: JsonSchemaValue) -> JsonSchemaValue:
             (only,) = [choice for choice in choices if choice != {"type": "null"}]
             node = {**only, **{key: value for key, value in node.items() if key not in ("anyOf", "default")}}
             return walk(node)
-        kept = {key: value for key, value in node.items() if key != "$defs" and not (key == "title" and isinstance(value, str))}
+        kept = {
+            key: value
+            for key, value in node.items()
+            if key != "$defs" and not (key == "title" and isinstance(value, str))
+        }
         return {key: walk(value) for key, value in kept.items()}
 
     return dict(walk(schema))

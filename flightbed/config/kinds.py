@@ -133,18 +133,65 @@ class PlainGust(GustSettings):
 GUSTS = Family("gusts", GustSettings, PlainGust, key="shape", default="1-cos")
 
 
-class Failure(OwnSettings):
-    """A failure from at_s on; ``scenario/checks.py`` lists the keys that each kind needs or ignores."""
+class FailureSettings(Kind):
+    """A failure from at_s on."""
 
-    kind: Annotated[str, registered("failures")] = "effectiveness"
-    surface: Literal["elevator", "aileron", "rudder"] = "elevator"
+    kind: str = "effectiveness"
+    """Kind of failure."""
     at_s: NonNegative
+    """Onset; the failure acts from the first tick at or after it."""
+
+    @property
+    def actuator(self) -> str | None:
+        """Surface whose actuator is faulty; None for other failures."""
+        return None
+
+    @property
+    def actuator_property(self) -> str | None:
+        """Property of the overlay through which the fault of the actuator acts, such as "elevator_stuck"; None for other failures."""
+        return None
+
+    @property
+    def moves_cg(self) -> bool:
+        """Whether the c.g. moves in flight."""
+        return False
+
+    def build(self, before: Any, control_hz: int) -> Any:
+        """Return the health as a function of the tick, with this failure added to the function ``before``."""
+        raise NotImplementedError
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``, as in "at 3 s the elevator ..."."""
+        return f"the failure '{self.kind}' begins"
+
+
+class SurfaceFailure(FailureSettings):
+    """A failure of a control surface."""
+
+    surface: Literal["elevator", "aileron", "rudder"] = "elevator"
+    """Surface that fails."""
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:
+        """Return the problem of a surface that the flight computer does not command."""
+        if self.surface == "elevator" or surroundings.lateral:
+            return []
+        return [
+            f"{place}.surface: the stock laws control aileron and rudder (got '{self.surface}'); set lateral.enabled to true"
+        ]
+
+
+class PlainFailure(OwnSettings, SurfaceFailure):
+    """A failure of own code: a function (settings, before, control_hz) -> health as a function of the tick."""
+
     to: Share = 1.0
-    force_to: Share = 1.0
-    over_s: Positive = 2.0
-    side: Literal["low", "high"] = "high"
-    bias_deg: Annotated[float, between(-60, 60)] = 0.0
-    shift_cbar: Annotated[float, between(-0.5, 0.5)] = 0.0
+    """Remaining share."""
+
+    def build(self, before: Any, control_hz: int) -> Any:
+        """Return the health as a function of the tick, with this failure added."""
+        return families.factory("failures", self.kind)(self, before, control_hz)
+
+
+FAILURES = Family("failures", FailureSettings, PlainFailure, default="effectiveness")
 
 
 class LawSettings(Kind):

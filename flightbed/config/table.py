@@ -9,7 +9,6 @@ from typing import Annotated, Any, get_args
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     ConfigDict,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
@@ -17,6 +16,7 @@ from pydantic import (
     SerializerFunctionWrapHandler,
     model_serializer,
 )  # fmt: skip
+from pydantic import BaseModel as BaseModel
 from pydantic import Field as Field
 from pydantic import ModelWrapValidatorHandler as ModelWrapValidatorHandler
 from pydantic import ValidationError as ValidationError
@@ -24,6 +24,7 @@ from pydantic import model_validator as model_validator
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 from pydantic_core import PydanticCustomError as PydanticCustomError
+from pydantic_core import PydanticUndefined as PydanticUndefined
 
 from flightbed.config import families
 from flightbed.config.options import Options, is_option
@@ -231,6 +232,7 @@ class OwnSettings(Settings):
     """Base class of a table that names code; external code reads its own keys from ``options``."""
 
     options: OwnOptions = Options()
+    """Keys of the external code."""
 
     @model_serializer(mode="wrap")
     def _without_empty_options(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -243,7 +245,7 @@ def known_keys(model: Any, loc: Sequence[int | str]) -> list[str]:
     for part in loc:
         if isinstance(part, str):
             field = next(f for n, f in model.model_fields.items() if part in (n, f.alias))
-            model = _table_class(field)
+            model = inner_table(field)
     return [f.alias or n for n, f in model.model_fields.items()]
 
 
@@ -257,11 +259,11 @@ def has_key(model: type[BaseModel], path: Sequence[int | str]) -> bool:
         field = next((f for n, f in fields.items() if part in (n, f.alias)), None)
         if field is None:
             return False
-        inside = _table_class(field)
+        inside = inner_table(field)
     return True
 
 
-def _table_class(field: Any) -> type[BaseModel] | None:
+def inner_table(field: Any) -> type[BaseModel] | None:
     """Return the class of the table, or of the tables, that a field holds."""
     classes = [field.annotation, *get_args(field.annotation)]
     return next((c for c in classes if isinstance(c, type) and issubclass(c, BaseModel)), None)

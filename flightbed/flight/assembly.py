@@ -269,5 +269,5 @@ def health_history(scenario: Scenario) -> HealthHistory:
     """Return the health over time from all failures of a scenario, in order of time; of two at once, the later in the file acts."""
     health: HealthHistory = healthy
     for failure in sorted(scenario.failures, key=lambda f: f.at_s):
-        health = families.factory("failures", failure.kind)(failure, health, scenario.rates.control_hz)
+        health = failure.build(health, scenario.rates.control_hz)
     return health

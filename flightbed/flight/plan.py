@@ -16,7 +16,6 @@ from flightbed.control.stability_margins import Margins, pitch_margins
 from flightbed.core.actuator import Actuator
 from flightbed.core.errors import AircraftError, DesignError, NoTrimError, ScenarioError
 from flightbed.core.units import DEG, FT
-from flightbed.failures.base import ACTUATOR_FAILURES
 from flightbed.models.envelope import pitch_point, pitch_points
 from flightbed.models.linear_aircraft import LinearAircraft, load_flyable
 from flightbed.models.linearize import linearize
@@ -167,8 +166,8 @@ def _unsupported_by_overlay(scenario: Scenario, aircraft: Aircraft) -> list[str]
             f"lateral.enabled: must be false with the aircraft {aircraft.name}, whose overlay has no [aileron] and [rudder]"
         )
     for i, failure in enumerate(scenario.failures):
-        wanted = f"{failure.surface}_{ACTUATOR_FAILURES.get(failure.kind, '')}"
-        if failure.kind in ACTUATOR_FAILURES and wanted not in aircraft.properties:
+        wanted = failure.actuator_property
+        if wanted is not None and wanted not in aircraft.properties:
             problems.append(
                 f"failures.{i}.kind: '{failure.kind}' needs properties.{wanted}, which the overlay of {aircraft.name} does not name"
             )
@@ -186,7 +185,6 @@ def _unsupported_by_linear(scenario: Scenario, aircraft: LinearAircraft) -> list
         ("model_error.cg_shift_cbar", scenario.model_error.cg_shift_cbar, 0.0),
         ("lateral.enabled", scenario.lateral.enabled, False),
         ("model_error.fuel_lbs", scenario.model_error.fuel_lbs, 0.0),
-        *((f"failures.{i}.shift_cbar", f.shift_cbar, 0.0) for i, f in enumerate(scenario.failures)),
         *(
             (f"estimators.{i}.model", e.model, "short-period")
             for i, e in enumerate(scenario.estimators)
@@ -196,7 +194,12 @@ def _unsupported_by_linear(scenario: Scenario, aircraft: LinearAircraft) -> list
     faults = [
         f"failures.{i}.kind: '{f.kind}' is an actuator failure; the linear aircraft {aircraft.name} models none, choose another kind"
         for i, f in enumerate(scenario.failures)
-        if f.kind in ACTUATOR_FAILURES
+        if f.actuator is not None
+    ]
+    faults += [
+        f"failures.{i}.kind: '{f.kind}' moves the c.g., which the linear aircraft {aircraft.name} does not model; choose another kind"
+        for i, f in enumerate(scenario.failures)
+        if f.moves_cg
     ]
     if scenario.in_g:
         faults.append(

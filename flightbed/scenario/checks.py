@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
 from flightbed.config import families
 from flightbed.config.kinds import (
     LAWS,
@@ -33,24 +30,6 @@ _COMMAND_USES = {
     "dither": _BAND - {"count"},
     "random": _PULSES - {"period_s"} | _BINARY,
 }
-# Keys that each kind of failure requires besides at_s. Kinds of installed packages may use any key.
-_FAILURE_NEEDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "effectiveness": ("to",),
-        "ramp": ("to",),
-        "structural": ("to", "force_to"),
-        "cg-shift": ("shift_cbar",),
-        "stuck": (),
-        "floating": (),
-        "hardover": ("side",),
-        "rate-limit": ("to",),
-        "bias": ("bias_deg",),
-    }
-)
-_FAILURE_MAY: Mapping[str, tuple[str, ...]] = MappingProxyType({"ramp": ("over_s",)})
-_FAILURE_KEYS = ("to", "force_to", "over_s", "shift_cbar", "side", "bias_deg")
-_ELEVATOR_ONLY = ("structural", "cg-shift")
-_LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
 
 
 def conflicts(scenario: Scenario) -> list[str]:
@@ -67,15 +46,8 @@ def conflicts(scenario: Scenario) -> list[str]:
         for key, at_s in times.items()
         if at_s * hz > ticks - 1 + 1e-6
     ]
-    for i, failure in enumerate(scenario.failures):
-        problems += [
-            f"failures.{i}.{key}: is missing; a failure of kind '{failure.kind}' needs it"
-            for key in _FAILURE_NEEDS.get(failure.kind, ())
-            if key not in failure.model_fields_set
-        ]
     for place, kind in scenario.kinds():
         problems += kind.conflicts(place, scenario.surroundings)
-    problems += _surface_conflicts(scenario)
     problems += _command_conflicts(scenario.command, hz)
     if scenario.lateral.enabled:
         problems += _command_conflicts(scenario.lateral.roll, hz, "lateral.roll")
@@ -119,22 +91,6 @@ def _correction_conflicts(scenario: Scenario) -> list[str]:
     return []
 
 
-def _surface_conflicts(scenario: Scenario) -> list[str]:
-    problems = []
-    for i, failure in enumerate(scenario.failures):
-        if failure.surface == "elevator":
-            continue
-        if failure.kind in _ELEVATOR_ONLY:
-            problems.append(
-                f"failures.{i}.surface: must be 'elevator' with kind = '{failure.kind}' (got '{failure.surface}')"
-            )
-        elif not scenario.lateral.enabled:
-            problems.append(
-                f"failures.{i}.surface: the stock laws control aileron and rudder (got '{failure.surface}'); set lateral.enabled to true"
-            )
-    return problems
-
-
 def _redesign_conflicts(scenario: Scenario) -> list[str]:
     adaptation, problems = scenario.adaptation, []
     if not (adaptation.enabled and adaptation.method == "redesign"):
@@ -163,7 +119,6 @@ def _options_of_built_ins(scenario: Scenario) -> list[str]:
         ("command", "commands", "kind", scenario.command.kind, scenario.command.options),
         ("lateral.roll", "commands", "kind", scenario.lateral.roll.kind, scenario.lateral.roll.options),
         ("lateral.sideslip", "commands", "kind", scenario.lateral.sideslip.kind, scenario.lateral.sideslip.options),
-        *((f"failures.{i}", "failures", "kind", f.kind, f.options) for i, f in enumerate(scenario.failures)),
     ]
     return [
         f"{place}.options: {key} '{name}' takes no options (got {', '.join(options)}); only external code has them"

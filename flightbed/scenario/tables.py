@@ -9,11 +9,12 @@ import tomli_w
 
 from flightbed.config.kinds import (
     ESTIMATORS,
+    FAILURES,
     GUSTS,
     LAWS,
     Command,
     EstimatorSettings,
-    Failure,
+    FailureSettings,
     GustSettings,
     Kind,
     LawSettings,
@@ -227,7 +228,7 @@ class Scenario(Settings):
     """Errors of the on-board model."""
     process_noise: ProcessNoise = ProcessNoise()
     """Process noise of a linear aircraft."""
-    failures: tuple[Failure, ...] = ()
+    failures: tuple[Annotated[FailureSettings, FAILURES], ...] = ()
     """Failures in flight."""
     control: Annotated[LawSettings, LAWS] = Field(default_factory=LAWS.make)
     """Control law of the pitch axis."""
@@ -262,6 +263,7 @@ class Scenario(Settings):
     def kinds(self) -> Iterator[tuple[str, Kind]]:
         """Yield the place and the settings of each kind."""
         yield "control", self.control
+        yield from ((f"failures.{i}", failure) for i, failure in enumerate(self.failures))
         yield from ((f"gusts.{i}", gust) for i, gust in enumerate(self.gusts))
         yield from ((f"estimators.{i}", estimator) for i, estimator in enumerate(self.estimators))
 

@@ -22,6 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flightbed
+from flightbed.analysis.events import failures
 from flightbed.analysis.seeds import Job, fly_jobs, processes
 from flightbed.avionics.onboard import OnBoard
 from flightbed.cli import main as cli
@@ -500,7 +501,7 @@ def test_empty_options_are_not_written() -> None:
     [
         ("estimators.0.options.gain=2", "scenarios/elevator-loss.toml: estimators.0.options: kind 'loop-gain' takes no options (got gain); only external code has them"),
         ("control.options.gain=2", "--set: unknown key control.options; did you mean poles?"),
-        ("failures.0.options.a=2", "scenarios/elevator-loss.toml: failures.0.options: kind 'effectiveness' takes no options (got a); only external code has them"),
+        ("failures.0.options.a=2", "--set: unknown key failures.0.options; 'effectiveness' has: kind, at_s, surface, to"),
         ("command.options.a=2", "scenarios/elevator-loss.toml: command.options: kind 'doublet' takes no options (got a); only external code has them"),
         ("command.options=2", "--set command.options: must be a table (got 2)"),
         ("command.options.a.b=2", "scenarios/elevator-loss.toml: command.options.a: must be text, a finite number, true or false, or a list of these (got {'b': 2})"),
@@ -530,15 +531,26 @@ def test_options_are_immutable_and_name_a_missing_key() -> None:
 def test_external_kinds_may_use_every_key() -> None:
     """Keys without effect for a built-in kind, which --set rejects there."""
     estimator = ["estimators.0.forgetting=0.9", "estimators.0.prior.alpha_deg=1"]
-    others = ["failures.0.over_s=3", "command.seed=1"]
+    others = ["command.seed=1"]
     with using({"mine": Still}):
         own = load_scenario("elevator-loss", ["estimators.0.kind=mine", *estimator]).estimators[0]
         assert (own.forgetting, own.prior.alpha_deg) == (0.9, 1.0)
-        own_kinds = load_scenario("elevator-loss", ["failures.0.kind=mine", "command.kind=mine", *others])
-        assert (own_kinds.failures[0].over_s, own_kinds.command.seed) == (3.0, 1)
+        assert load_scenario("elevator-loss", ["command.kind=mine", *others]).command.seed == 1
     for key in (*estimator, *others):
         with pytest.raises(ScenarioError, match="has no effect"):
             load_scenario("elevator-loss", [key])
+
+
+def test_the_table_of_an_external_failure() -> None:
+    with using({"mine": Still}):
+        own = load_scenario("elevator-loss", ["failures.0={kind='mine', at_s=0.2}"])
+        written = {"kind": "mine", "at_s": 0.2, "surface": "elevator", "to": 1.0}
+        assert tomllib.loads(own.to_toml())["failures"] == [written]
+        assert failures(own) == ["at 0.2 s the failure 'mine' begins"]
+        with pytest.raises(ScenarioError, match=r"failures\.0\.over_s: 'mine' has no such key \('ramp' has it\)"):
+            load_scenario("elevator-loss", ["failures.0.kind=mine", "failures.0.over_s=3"])
+        with pytest.raises(ScenarioError, match=r"failures\.0\.surface: the stock laws control aileron and rudder"):
+            load_scenario("elevator-loss", ["failures.0.kind=mine", "failures.0.surface=rudder"])
 
 
 class _SaysNan(LoopGain):

@@ -97,7 +97,7 @@ def _kind(name: str) -> str:
         (["sensors.beta_std_deg=0.1"], "sensors.beta_std_deg: has no effect with lateral.enabled = false"),
         (["lateral.enabled=true", "lateral.roll.amplitude_deg_s=5"], "lateral.roll.amplitude_deg_s: has no effect with lateral.roll.kind = 'none'"),
         (["lateral.enabled=true", "lateral.sideslip.kind=constant", "lateral.sideslip.period_s=2"], "lateral.sideslip.period_s: has no effect with lateral.sideslip.kind = 'constant'"),
-        (["failures.0.side=low"], "failures.0.side: has no effect with failures.0.kind = 'effectiveness'"),
+        (["failures.0.side=low"], "failures.0.side: 'effectiveness' has no such key ('hardover' has it); remove it"),
     ],
 )  # fmt: skip
 def test_keys_of_three_surfaces_and_of_the_two_stage_filter(overrides: list[str], problem: str) -> None:

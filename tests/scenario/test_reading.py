@@ -75,12 +75,17 @@ def test_an_override_can_add_to_a_list() -> None:
         ("estimators.0.kind=loopgain", "--set estimators.0.kind: unknown estimator; did you mean loop-gain?; known: differentiated-rls, input-kalman, loop-gain, plid, retrospective-cost, two-stage (got 'loopgain')"),
         ("estimators.0.model=schedule", "--set estimators.0.model: must be 'scheduled' or 'short-period' (got 'schedule')"),
         ("estimators.0.input=deviation", f"{FILE}: estimators.0.input: must be 'absolute' with model = 'scheduled', which has no trim point (got 'deviation')"),
-        ("failures.0.over_s=3", "--set failures.0.over_s: has no effect with failures.0.kind = 'effectiveness'"),
-        ("failures.0.shift_cbar=0.1", "--set failures.0.shift_cbar: has no effect with failures.0.kind = 'effectiveness'"),
-        ("failures.0.force_to=0.1", "--set failures.0.force_to: has no effect with failures.0.kind = 'effectiveness'"),
-        ("failures.0.kind=structural", f"{FILE}: failures.0.force_to: is missing; a failure of kind 'structural' needs it"),
-        ("failures.0.kind=cg-shift", f"{FILE}: failures.0.shift_cbar: is missing; a failure of kind 'cg-shift' needs it"),
-        ("failures.1.at_s=5", f"{FILE}: failures.1.to: is missing; a failure of kind 'effectiveness' needs it"),
+        ("failures.0.over_s=3", "--set: failures.0.over_s: 'effectiveness' has no such key ('ramp' has it); remove it"),
+        ("failures.0.shift_cbar=0.1", "--set: failures.0.shift_cbar: 'effectiveness' has no such key ('cg-shift' has it); remove it"),
+        ("failures.0.force_to=0.1", "--set: failures.0.force_to: 'effectiveness' has no such key ('structural' has it); remove it"),
+        ("failures.0.kind=structural", f"{FILE}: failures.0.force_to: is missing"),
+        ("failures.0={kind='cg-shift', at_s=3}", f"{FILE}: failures.0.shift_cbar: is missing"),
+        ("failures.0={kind='hardover', at_s=3}", f"{FILE}: failures.0.side: is missing"),
+        ("failures.0={kind='bias', at_s=3}", f"{FILE}: failures.0.bias_deg: is missing"),
+        ("failures.0={kind='rate-limit', at_s=3}", f"{FILE}: failures.0.to: is missing"),
+        ("failures.0={kind='structural', at_s=3, to=0.5, force_to=0.5, surface='rudder'}", f"{FILE}: failures.0.surface: must be 'elevator' (got 'rudder')"),
+        ("failures.0.surface=rudder", f"{FILE}: failures.0.surface: the stock laws control aileron and rudder (got 'rudder'); set lateral.enabled to true"),
+        ("failures.1.at_s=5", f"{FILE}: failures.1.to: is missing"),
         ("failures.0.kind=cg-shft", "--set failures.0.kind: unknown failure; did you mean cg-shift?; known: bias, cg-shift, effectiveness, floating, hardover, ramp, rate-limit, structural, stuck (got 'cg-shft')"),
         ("gusts.0={at_s=16.5, up_fps=9, rise_s=1}", f"{FILE}: gusts.0.at_s: must be no later than the last tick, 16.49 s (got 16.5)"),
         ("gusts.0={at_s=1, up_fps=9, rise_s=0}", f"{FILE}: gusts.0.rise_s: must be above 0 and at most 1000000 (got 0)"),
@@ -171,12 +176,29 @@ def test_dither_has_a_small_default_amplitude() -> None:
     assert load_scenario("elevator-loss", ["command.kind=dither"]).command.amplitude_deg_s == 5.0  # set in the file
 
 
+@pytest.mark.parametrize(
+    ("failure", "problem"),
+    [
+        ('kind = "cg-shift"\nshift_cbar = 0.02\nto = 0.2', "to: 'cg-shift' has no such key ('effectiveness', 'ramp', 'rate-limit', 'structural' have it)"),
+        ("to = 0.2\nover_s = 3.0", "over_s: 'effectiveness' has no such key ('ramp' has it)"),
+        ('kind = "stuck"\nto = 0.2', "to: 'stuck' has no such key ('effectiveness', 'ramp', 'rate-limit', 'structural' have it)"),
+        ('kind = "bias"\nbias_deg = 1.0\nside = "low"', "side: 'bias' has no such key ('hardover' has it)"),
+    ],
+)  # fmt: skip
+def test_a_file_with_a_key_of_another_kind_of_failure_is_refused(tmp_path: Path, failure: str, problem: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'schema = 1\nname = "x"\nduration_s = 9.0\n[[failures]]\nat_s = 3.0\n{failure}\n')
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    assert caught.value.problems == (f"{path}: failures.0.{problem}; remove it",)
+
+
 @pytest.mark.parametrize("key", ["to=0.5", "force_to=0.5", "over_s=3", "surface=elevator"])
-def test_keys_of_the_elevator_have_no_effect_with_a_cg_shift(key: str) -> None:
+def test_a_cg_shift_has_no_key_of_the_elevator(key: str) -> None:
     shift = ["failures.0.kind=cg-shift", "failures.0.at_s=3", "failures.0.shift_cbar=0.02"]
     with pytest.raises(
         ScenarioError,
-        match=f"--set failures.0.{key.partition('=')[0]}: has no effect with failures.0.kind = 'cg-shift'",
+        match=f"--set: failures.0.{key.partition('=')[0]}: 'cg-shift' has no such key",
     ):
         load_scenario("nominal", [*shift, f"failures.0.{key}"])
 
