@@ -10,10 +10,12 @@ from typing import NoReturn
 from flightbed.cli.app import app, exit_code
 from flightbed.cli.campaign import campaign
 from flightbed.cli.compare import compare
+from flightbed.cli.keys import keys
 from flightbed.cli.linearize import linearize
 from flightbed.cli.list import list_
 from flightbed.cli.reproduce import reproduce
 from flightbed.cli.run import run
+from flightbed.cli.schema import schema
 from flightbed.cli.trim import trim
 from flightbed.cli.view import view
 
@@ -25,6 +27,8 @@ app.command(linearize)
 app.command(campaign)
 app.command(reproduce)
 app.command(list_, name="list", usage="Usage: flightbed list [FAMILY]")
+app.command(keys, usage="Usage: flightbed keys [PATTERN]")
+app.command(schema, usage="Usage: flightbed schema [FILE]")
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:

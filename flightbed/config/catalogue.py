@@ -46,7 +46,7 @@ def catalogue(model: type[Settings]) -> tuple[Key, ...]:
 
 
 def _keys(
-    model: type[Settings], place: str, kinds: tuple[str, ...], without: frozenset[str] = frozenset()
+    model: type[BaseModel], place: str, kinds: tuple[str, ...], without: frozenset[str] = frozenset()
 ) -> Iterator[Key]:
     for name, field in model.model_fields.items():
         if name in without:

@@ -152,7 +152,8 @@ def inlined(schema: JsonSchemaValue) -> JsonSchemaValue:
             node = {**found, **{key: value for key, value in node.items() if key != "$ref"}}
         choices = node.get("anyOf", ())
         if {"type": "null"} in choices:  # None stands for an absent key, and TOML has no null
-            (only,) = [choice for choice in choices if choice != {"type": "null"}]
+            others = [choice for choice in choices if choice != {"type": "null"}]
+            only = others[0] if len(others) == 1 else {"anyOf": others}
             node = {**only, **{key: value for key, value in node.items() if key not in ("anyOf", "default")}}
             return walk(node)
         kept = {
