@@ -41,7 +41,7 @@ def test_every_scenario_key_is_in_the_table_and_no_other() -> None:
         "law='proportional', poles=[[-1,0],[-2,0],[-3,0]]", "law='lq'", "law='nz-adaptive'", "law='nz-scheduled'",
         "law='proportional-integral', gains={alpha=0, q_s=0, elevator=0, reference_s=0}",
     ]  # fmt: skip
-    sets = [*gusts, *([f"control={{{law}}}", "adaptation.enabled=false"] for law in laws)]
+    sets = [*gusts, *([f"control={{{law}}}", "adaptation.enabled=false", *gusts[0]] for law in laws)]
     written = [_keys(tomllib.loads(load_scenario("elevator-loss", s).to_toml())) for s in sets]
     places = ("estimators.0", "failures.0", "control", "command")
     places += ("lateral.roll", "lateral.sideslip")
