@@ -13,10 +13,12 @@ from flightbed.cli.compare import compare
 from flightbed.cli.keys import keys
 from flightbed.cli.linearize import linearize
 from flightbed.cli.list import list_
+from flightbed.cli.new import new
 from flightbed.cli.reproduce import reproduce
 from flightbed.cli.run import run
 from flightbed.cli.schema import schema
 from flightbed.cli.trim import trim
+from flightbed.cli.upgrade import upgrade
 from flightbed.cli.view import view
 
 app.command(run)
@@ -28,6 +30,8 @@ app.command(campaign)
 app.command(reproduce)
 app.command(list_, name="list", usage="Usage: flightbed list [FAMILY]")
 app.command(keys, usage="Usage: flightbed keys [PATTERN]")
+app.command(new)
+app.command(upgrade)
 app.command(schema, usage="Usage: flightbed schema [FILE]")
 
 

@@ -24,6 +24,7 @@ class Key:
         values: its range or its permitted values, as text.
         default: its default as TOML; empty if the key is required or absent by default.
         required: whether a file must have it.
+        example: a value as TOML for a file to start from; the default if the key has no example.
         description: a sentence.
 
     """
@@ -34,6 +35,7 @@ class Key:
     values: str
     default: str
     required: bool
+    example: str
     description: str
 
 
@@ -78,6 +80,7 @@ def _key(model: type[BaseModel], name: str, path: str, kinds: tuple[str, ...]) -
         _values(field),
         default,
         field.is_required(),
+        json.dumps(field.examples[0]) if field.examples else default,
         description_of(model, name) or "",
     )
 

@@ -16,16 +16,22 @@ from flightbed.core.errors import ScenarioError, did_you_mean
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the contents of a TOML file. Raises ScenarioError."""
+    place = display_path(path)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError([f"{display_path(path)}: cannot be read: {error}"]) from None
+        raise ScenarioError([f"{place}: cannot be read: {error}"]) from None
+    return parse_toml(text, place)
+
+
+def parse_toml(text: str, place: str) -> dict[str, Any]:
+    """Return the contents of a TOML text; ``place`` names it in errors. Raises ScenarioError."""
+    try:
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ScenarioError([f"{display_path(path)}: not TOML: {error}"]) from None
+        raise ScenarioError([f"{place}: not TOML: {error}"]) from None
     except RecursionError:
-        raise ScenarioError(
-            [f"{display_path(path)}: not TOML that can be read: its values are nested too deeply"]
-        ) from None
+        raise ScenarioError([f"{place}: not TOML that can be read: its values are nested too deeply"]) from None
 
 
 def with_tuples(value: Any) -> Any:
