@@ -20,6 +20,7 @@ from flightbed.config.table import (
     Settings,
     Share,
     between,
+    example,
     model_validator,
     registered,
 )
@@ -105,9 +106,9 @@ class GustSettings(Kind):
 
     shape: str = "1-cos"
     """Shape over time."""
-    at_s: NonNegative
+    at_s: Annotated[NonNegative, example(4.5)]
     """Start."""
-    up_fps: Annotated[float, between(-500, 500)]
+    up_fps: Annotated[float, between(-500, 500), example(20.0)]
     """Vertical speed of the air at the peak, up positive."""
 
     def build(self, before: Any) -> Any:
@@ -138,7 +139,7 @@ class FailureSettings(Kind):
 
     kind: str = "effectiveness"
     """Kind of failure."""
-    at_s: NonNegative
+    at_s: Annotated[NonNegative, example(4.5)]
     """Onset; the failure acts from the first tick at or after it."""
 
     @property

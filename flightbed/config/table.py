@@ -56,6 +56,12 @@ class Range:
         return {**handler(schema), lowest: self.low, "maximum": self.high}
 
 
+def example(value: Any) -> FieldInfo:
+    """Return field metadata: a value for a file to start from, of a key without a default."""
+    found: FieldInfo = Field(examples=[value])
+    return found
+
+
 def between(low: float, high: float, *, open_low: bool = False) -> Range:
     """Return the range low <= value <= high, or low < value <= high with ``open_low``."""
     return Range(low, high, open_low)

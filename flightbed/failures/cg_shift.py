@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import Annotated, Literal
 
 from flightbed.config.kinds import FailureSettings
-from flightbed.config.table import between
+from flightbed.config.table import between, example
 from flightbed.core.signals import Health
 from flightbed.failures.base import HealthHistory, failure_tick
 
@@ -31,7 +31,7 @@ class CgShift(FailureSettings):
     """A shift of the c.g.: fuel, stores or cargo move."""
 
     kind: Literal["cg-shift"] = "cg-shift"
-    shift_cbar: Annotated[float, between(-0.5, 0.5)]
+    shift_cbar: Annotated[float, between(-0.5, 0.5), example(0.02)]
     """Shift from the position at take-off, in mean chords, aft positive."""
 
     @property

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal
 
 from flightbed.config.kinds import SurfaceFailure
-from flightbed.config.table import Positive, Share, between
+from flightbed.config.table import Positive, Share, between, example
 from flightbed.core.signals import HEALTHY, SURFACES, Health
 from flightbed.core.units import DEG
 from flightbed.failures.base import HealthHistory, failure_tick
@@ -116,7 +116,7 @@ class EffectivenessLoss(SurfaceFailure):
     """A step of the surface's effectiveness: moments and forces of a deflection fall to a share."""
 
     kind: Literal["effectiveness"] = "effectiveness"
-    to: Share
+    to: Annotated[Share, example(0.3)]
     """Remaining share of the moments and forces."""
 
     def build(self, before: HealthHistory, control_hz: int) -> HealthHistory:
@@ -132,7 +132,7 @@ class Ramp(SurfaceFailure):
     """A ramp of the surface's effectiveness, from its value at at_s on."""
 
     kind: Literal["ramp"] = "ramp"
-    to: Share
+    to: Annotated[Share, example(0.3)]
     """Share of the moments and forces at the end of the ramp."""
     over_s: Positive = 2.0
     """Duration."""
@@ -153,9 +153,9 @@ class StructuralDamage(SurfaceFailure):
 
     kind: Literal["structural"] = "structural"
     surface: Literal["elevator"] = "elevator"
-    to: Share
+    to: Annotated[Share, example(0.3)]
     """Remaining share of the pitching moment."""
-    force_to: Share
+    force_to: Annotated[Share, example(0.5)]
     """Remaining share of lift and drag."""
 
     def build(self, before: HealthHistory, control_hz: int) -> HealthHistory:
@@ -218,7 +218,7 @@ class Hardover(ActuatorFault):
     """An actuator that runs to a stop at its rate limit."""
 
     kind: Literal["hardover"] = "hardover"
-    side: Literal["low", "high"]
+    side: Annotated[Literal["low", "high"], example("high")]
     """Stop: of the lowest or of the highest deflection."""
     _SUFFIX = "cmd_rad"
 
@@ -236,7 +236,7 @@ class RateLimit(ActuatorFault):
     """An actuator whose rate limit falls to a share."""
 
     kind: Literal["rate-limit"] = "rate-limit"
-    to: Share
+    to: Annotated[Share, example(0.3)]
     """Remaining share of the rate limit."""
     _SUFFIX = "rate_limit_rad_s"
 
@@ -253,7 +253,7 @@ class Bias(ActuatorFault):
     """A deflection in addition to the actuator's, absent from the position feedback."""
 
     kind: Literal["bias"] = "bias"
-    bias_deg: Annotated[float, between(-60, 60)]
+    bias_deg: Annotated[float, between(-60, 60), example(3.0)]
     """Additional deflection."""
     _SUFFIX = "offset_rad"
 
