@@ -169,7 +169,8 @@ def _check(factory: Factory, planned: Plan, found: _Findings) -> Checked | None:
             found.add("update", f"a {type(new()).__name__} has no such method", "give it a method update(measurement)")
             return None
     except Exception as error:
-        found.add("building", f"{_place(error)}{error_line(error)}", "accept the arguments (settings, onboard)")
+        cure = "accept build(onboard)" if _is_settings(factory) else "accept the arguments (settings, onboard)"
+        found.add("building", f"{_place(error)}{error_line(error)}", cure)
         return None
     before, flights = _fingerprint(onboard), readings_of_flights(onboard)
     with found.in_flight("K drops to 0.5"):  # first: the other checks take too long with a slow estimator

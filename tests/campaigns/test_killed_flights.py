@@ -36,12 +36,12 @@ SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]
 NAME = "deadly.py:Deadly"
 CODE = """
 import os, signal
-from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
+from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainSettings
 
 
 class Deadly:
     def __init__(self, settings, onboard):
-        self.inner = LoopGain(loop_gain_config(settings), onboard)
+        self.inner = LoopGain(LoopGainSettings(name=settings.name).config(), onboard)
         self.readings = self.inner.readings
         self.options = settings.options
 

@@ -269,8 +269,8 @@ def test_what_a_terminal_shows(flown: Campaign) -> None:
 
 def test_own_code_flies_in_workers_and_in_the_worst_flights_command(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(
-        "from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config\n\n\n"
-        "def make(settings, onboard):\n    return LoopGain(loop_gain_config(settings), onboard)\n"
+        "from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainSettings\n\n\n"
+        "def make(settings, onboard):\n    return LoopGain(LoopGainSettings(name=settings.name).config(), onboard)\n"
     )
     keys = ["--set", "estimators.0.kind=mine.py:make", "--set", "duration_s=1", "--set", "failures.0.at_s=0.5"]
     command = ["campaign", "elevator-loss", "--runs", "2", *keys, "--use", "mine.py:make", "--json", "--out", "c"]

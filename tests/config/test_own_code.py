@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
@@ -27,12 +27,13 @@ from flightbed.analysis.seeds import Job, fly_jobs, processes
 from flightbed.avionics.onboard import OnBoard
 from flightbed.cli import main as cli
 from flightbed.config import families
-from flightbed.config.kinds import EstimatorSettings
+from flightbed.config.kinds import EstimatorSettings, PlainEstimator
 from flightbed.config.options import Options
 from flightbed.config.own_code import load, names_without_option, use_options, using
+from flightbed.config.table import between, only_with
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
+from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainSettings
 from flightbed.failures.base import HealthHistory
 from flightbed.report.flight_report import rerun_command
 from flightbed.runs.run import run
@@ -499,9 +500,9 @@ def test_empty_options_are_not_written() -> None:
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("estimators.0.options.gain=2", "scenarios/elevator-loss.toml: estimators.0.options: kind 'loop-gain' takes no options (got gain); only external code has them"),
-        ("control.options.gain=2", "--set: unknown key control.options; did you mean poles?"),
-        ("failures.0.options.a=2", "--set: unknown key failures.0.options; 'effectiveness' has: kind, at_s, surface, to"),
+        ("estimators.0.options.gain=2", "--set: estimators.0.options: 'loop-gain' has no such key (own code has it); remove it"),
+        ("control.options.gain=2", "--set: control.options: 'proportional' has no such key (own code has it); remove it"),
+        ("failures.0.options.a=2", "--set: failures.0.options: 'effectiveness' has no such key (own code has it); remove it"),
         ("command.options.a=2", "scenarios/elevator-loss.toml: command.options: kind 'doublet' takes no options (got a); only external code has them"),
         ("command.options=2", "--set command.options: must be a table (got 2)"),
         ("command.options.a.b=2", "scenarios/elevator-loss.toml: command.options.a: must be text, a finite number, true or false, or a list of these (got {'b': 2})"),
@@ -528,15 +529,79 @@ def test_options_are_immutable_and_name_a_missing_key() -> None:
     assert repr(options) == "Options({'taps': (1, (2,))})"
 
 
+def test_a_plain_class_has_the_keys_that_every_estimator_needs() -> None:
+    keys = ["estimators.1.smoothing=0.5", "estimators.1.prior.effectiveness_std=0.1", "estimators.1.options.taps=3"]
+    with using({"mine": Still}):
+        own = load_scenario("elevator-loss", ["estimators.1={name='x', kind='mine'}", *keys]).estimators[1]
+        assert isinstance(own, PlainEstimator)
+        assert (own.smoothing, own.prior.effectiveness_std, dict(own.options)) == (0.5, 0.1, {"taps": 3})
+        assert own.model_dump(exclude={"options", "prior"}).keys() == {"name", "kind", "model", "smoothing", "bounds"}
+        with pytest.raises(ScenarioError, match="--set: estimators.1.memory: 'mine' has no such key .'loop-gain', 'two-stage' have it.; remove it"):  # fmt: skip
+            load_scenario("elevator-loss", ["estimators.1={name='x', kind='mine'}", "estimators.1.memory=fading"])
+
+
+class Typed(EstimatorSettings):
+    """Settings class of own code."""
+
+    gain: Annotated[float, between(0, 1)] = 0.5
+    """K-hat."""
+    made: Annotated[Literal["estimator", "nothing", "error"], only_with(gain=0.5)] = "estimator"
+    """Result of build."""
+
+    def build(self, onboard: Any) -> Any:
+        if self.made == "error":
+            raise RuntimeError("no such model")
+        return Still(self, onboard) if self.made == "estimator" else 3
+
+    @property
+    def options(self) -> dict[str, float]:
+        return {"k": self.gain}
+
+
+TYPED = "estimators.1={name='x', kind='typed'}"
+
+
+def test_a_settings_class_of_own_code_has_its_own_keys() -> None:
+    with using({"typed": Typed}):
+        scenario = load_scenario("nominal", [*QUICK, TYPED, "estimators.1.gain=0.25"])
+        result = flightbed.run(scenario)
+        assert load_scenario(tomllib.loads(scenario.to_toml())) == scenario
+    assert result.trace["x.effectiveness"].tolist() == [0.25] * 20
+    assert [own.name for own in result.summary.extensions] == ["typed"]
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("gain=2", "--set estimators.1.gain: must be between 0 and 1 (got 2)"),
+        ("gian=0", "--set: unknown key estimators.1.gian; did you mean gain?"),
+        ("window=3", "--set: estimators.1.window: 'typed' has no such key ('input-kalman', 'loop-gain', 'retrospective-cost', 'two-stage' have it); remove it"),
+    ],
+)  # fmt: skip
+def test_keys_of_a_settings_class_of_own_code_are_checked(key: str, message: str) -> None:
+    with using({"typed": Typed}), pytest.raises(ScenarioError) as caught:
+        load_scenario("nominal", [TYPED, f"estimators.1.{key}"])
+    assert list(caught.value.problems) == [message]
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        ("error", r"own code typed: cannot be built: .*test_own_code.py:\d+: RuntimeError: no such model"),
+        ("nothing", r"own code typed: returns a int, which has no method update\(\)"),
+    ],
+)
+def test_a_settings_class_that_builds_no_estimator_is_an_error(made: str, message: str) -> None:
+    with using({"typed": Typed}), pytest.raises(ExtensionError, match=message):
+        flightbed.run(load_scenario("nominal", [*QUICK, TYPED, f"estimators.1.made={made}"]))
+
+
 def test_external_kinds_may_use_every_key() -> None:
     """Keys without effect for a built-in kind, which --set rejects there."""
-    estimator = ["estimators.0.forgetting=0.9", "estimators.0.prior.alpha_deg=1"]
     others = ["command.seed=1"]
     with using({"mine": Still}):
-        own = load_scenario("elevator-loss", ["estimators.0.kind=mine", *estimator]).estimators[0]
-        assert (own.forgetting, own.prior.alpha_deg) == (0.9, 1.0)
         assert load_scenario("elevator-loss", ["command.kind=mine", *others]).command.seed == 1
-    for key in (*estimator, *others):
+    for key in others:
         with pytest.raises(ScenarioError, match="has no effect"):
             load_scenario("elevator-loss", [key])
 
@@ -558,8 +623,8 @@ class _SaysNan(LoopGain):
         return super().update(measurement)._replace(effectiveness_smoothed=float("nan"))
 
 
-def _says_nan(settings: EstimatorSettings, onboard: OnBoard) -> _SaysNan:
-    return _SaysNan(loop_gain_config(settings), onboard)
+def _says_nan(settings: PlainEstimator, onboard: OnBoard) -> _SaysNan:
+    return _SaysNan(LoopGainSettings(name=settings.name).config(), onboard)
 
 
 def test_a_nan_of_the_correcting_estimator_is_an_error() -> None:

@@ -18,6 +18,7 @@ from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import rolling
 
 PLACE = "scenarios/thesis-loss.toml"
+RLS = "estimators.1={name='expanding', kind='differentiated-rls', model='short-period'}"
 
 
 @pytest.mark.parametrize(
@@ -40,8 +41,10 @@ PLACE = "scenarios/thesis-loss.toml"
         (["control.law=proportional-integral", "control.integral_pole_rad_s=-1"], ["--set control.integral_pole_rad_s: has no effect with control.gains"]),
         (["control.gains.integral=-3"], ["--set: control.gains.integral: 'proportional' has no such key ('proportional-integral' has it); remove it"]),
         (["estimators.1.prior.state=measurement", "estimators.1.prior.first_reading=used"], ["--set estimators.1.prior.first_reading: has no effect with estimators.1.prior.state = 'measurement'"]),
-        (["estimators.1.kind=differentiated-rls", "estimators.1.input_at=start"], ["--set estimators.1.input_at: has no effect with estimators.1.kind = 'differentiated-rls'"]),
-        (["estimators.1.kind=differentiated-rls", "estimators.1.prior.first_reading=used"], ["--set estimators.1.prior.first_reading: has no effect with estimators.1.kind = 'differentiated-rls'"]),
+        ([RLS, "estimators.1.input_at=start"], ["--set: estimators.1.input_at: 'differentiated-rls' has no such key ('loop-gain' has it); remove it"]),
+        ([RLS, "estimators.1.prior.first_reading=used"], ["--set: estimators.1.prior.first_reading: 'differentiated-rls' has no such key ('loop-gain' has it); remove it"]),
+        ([RLS, "estimators.1.options.x=1"], ["--set: unknown key estimators.1.options; did you mean prior?"]),
+        ([RLS, "estimators.1.widnow=1"], ["--set: unknown key estimators.1.widnow; 'differentiated-rls' has: name, kind, model, smoothing, bounds, forgetting, prior"]),
     ],
 )  # fmt: skip
 def test_each_problem_is_one_line_with_place_value_and_cure(overrides: list[str], problems: list[str]) -> None:
@@ -71,28 +74,36 @@ TWO = "estimators.0={name='two', kind='two-stage', memory='variable'}"
 FADING = "estimators.0={name='two', kind='two-stage', memory='fading'}"
 
 
-def _kind(name: str) -> str:
-    return f"has no effect with estimators.0.kind = '{name}'"
+ONLY_RLS = "estimators.0={name='scheduled', kind='differentiated-rls'}"
+
+
+OTHERS = ("differentiated-rls", "input-kalman", "loop-gain", "plid", "retrospective-cost")
+
+
+def _kind(name: str, *have: str) -> str:
+    kinds = ", ".join(f"'{kind}'" for kind in have)
+    return f"'{name}' has no such key ({kinds} {'has' if len(have) == 1 else 'have'} it); remove it"
 
 
 @pytest.mark.parametrize(
     ("overrides", "problem"),
     [
-        (["estimators.0={name='two', kind='two-stage', memory='window'}"], "estimators.0.memory: must be 'expanding', 'fading' or 'variable' with kind = 'two-stage' (got 'window')"),
-        (["estimators.0.memory=variable"], "estimators.0.memory: must be 'window', 'expanding' or 'fading' with kind = 'loop-gain' (got 'variable')"),
+        (["estimators.0={name='two', kind='two-stage', memory='window'}"], "estimators.0.memory: must be 'expanding', 'fading' or 'variable' (got 'window')"),
+        (["estimators.0.memory=variable"], "estimators.0.memory: must be 'window', 'expanding' or 'fading' (got 'variable')"),
         ([TWO, "estimators.0.variance_min=2"], "estimators.0.variance_min: must be below variance_max = 1 (got 2)"),
         ([TWO, "estimators.0.model=short-period", "lateral.enabled=true"], "estimators.0.model: must be 'scheduled' with kind = 'two-stage' and lateral.enabled = true (got 'short-period')"),
-        ([TWO, "estimators.0.input=deviation"], f"estimators.0.input: {_kind('two-stage')}"),
-        ([TWO, "estimators.0.input_at=start"], f"estimators.0.input_at: {_kind('two-stage')}"),
-        ([TWO, "estimators.0.alarm_threshold=9"], f"estimators.0.alarm_threshold: {_kind('two-stage')}"),
-        ([TWO, "estimators.0.hold_std=0.1"], f"estimators.0.hold_std: {_kind('two-stage')}"),
-        ([TWO, "estimators.0.prior.state=fixed"], f"estimators.0.prior.state: {_kind('two-stage')}"),
-        ([TWO, "estimators.0.prior.effectiveness=0.5"], f"estimators.0.prior.effectiveness: {_kind('two-stage')}"),
+        ([TWO, "estimators.0.input=deviation"], f"estimators.0.input: {_kind('two-stage', 'loop-gain')}"),
+        ([TWO, "estimators.0.input_at=start"], f"estimators.0.input_at: {_kind('two-stage', 'loop-gain')}"),
+        ([TWO, "estimators.0.alarm_threshold=9"], f"estimators.0.alarm_threshold: {_kind('two-stage', 'loop-gain')}"),
+        ([TWO, "estimators.0.hold_std=0.1"], f"estimators.0.hold_std: {_kind('two-stage', 'loop-gain')}"),
+        ([TWO, "estimators.0.prior.state=fixed"], f"estimators.0.prior.state: {_kind('two-stage', 'loop-gain')}"),
+        ([TWO, "estimators.0.prior.effectiveness=0.5"], f"estimators.0.prior.effectiveness: {_kind('two-stage', *OTHERS)}"),
         ([TWO, "estimators.0.forgetting=0.9"], "estimators.0.forgetting: has no effect with estimators.0.memory = 'variable'"),
         ([FADING, "estimators.0.variance_max=2"], "estimators.0.variance_max: has no effect with estimators.0.memory = 'fading'"),
         ([TWO, "estimators.0.p_disturbance_deg_s2=2"], "estimators.0.p_disturbance_deg_s2: has no effect with lateral.enabled = false"),
-        *(([f"estimators.0.{key}=0.1"], f"estimators.0.{key}: {_kind('loop-gain')}") for key in ("variance_min", "variance_max", "walk_std", "false_alarm", "beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_disturbance_deg_s2")),
-        *((["estimators.0.kind=differentiated-rls", f"estimators.0.{key}=0.1"], f"estimators.0.{key}: {_kind('differentiated-rls')}") for key in ("variance_min", "walk_std", "false_alarm", "r_disturbance_deg_s2")),
+        *(([f"estimators.0.{key}=0.1"], f"estimators.0.{key}: {_kind('loop-gain', 'two-stage')}") for key in ("variance_min", "variance_max", "walk_std", "beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_disturbance_deg_s2")),
+        (["estimators.0.false_alarm=0.1"], f"estimators.0.false_alarm: {_kind('loop-gain', 'input-kalman', 'retrospective-cost', 'two-stage')}"),
+        *(([ONLY_RLS, f"estimators.0.{key}=0.1"], f"estimators.0.{key}: {_kind('differentiated-rls', 'two-stage')}") for key in ("variance_min", "walk_std", "r_disturbance_deg_s2")),
         (["lateral.p_deg_s=5"], "lateral.p_deg_s: has no effect with lateral.enabled = false"),
         (["sensors.beta_std_deg=0.1"], "sensors.beta_std_deg: has no effect with lateral.enabled = false"),
         (["lateral.enabled=true", "lateral.roll.amplitude_deg_s=5"], "lateral.roll.amplitude_deg_s: has no effect with lateral.roll.kind = 'none'"),

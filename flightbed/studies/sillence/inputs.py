@@ -97,10 +97,11 @@ def flight(plant: str, name: str, memory: str) -> Scenario:
     if plant == "linear":
         filters = [estimator(memory, memory, input_at="mean", prior={"state": "measurement"})]
         return thesis(left=None, estimators=filters, command=command)
-    scheduled = next(e for e in f16().estimators if e.name == SCHEDULED).model_dump(exclude={"prior"})
+    given = next(e for e in f16().estimators if e.name == SCHEDULED)
+    scheduled = given.model_dump(exclude={"prior"}, exclude_unset=True)
     settled = {"alarm_threshold": 0.0, "follow_disturbances": False, "hold_std": 0.0, "bounds": (-1000.0, 1000.0)}
     if memory == EXPANDING:
-        del settled["alarm_threshold"]
+        del settled["alarm_threshold"], scheduled["window"]
     filters = [{**scheduled, **settled, "name": memory, "memory": memory}]
     return f16(left=None, failures=[], command=command, estimators=filters)
 
