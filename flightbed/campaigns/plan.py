@@ -61,6 +61,7 @@ class Programme:
         settings: the campaign file; None for a plain scenario, whose flights have successive seeds from its own on.
         extensions: own code that the flights use.
         aircraft: fingerprints of all aircraft.
+        notes: on the settings, one line each.
 
     """
 
@@ -71,6 +72,7 @@ class Programme:
     settings: CampaignSettings | None = None
     extensions: tuple[Extension, ...] = ()
     aircraft: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of flights."""

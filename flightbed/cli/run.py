@@ -64,6 +64,8 @@ def run(
         pace = WallClock() if realtime else None
         parts = {"rerun": rerun != "off", "report": report == "save"}
         result = fly(settings, place, **parts, replace=out is not None, pace=pace, live=live)
+    for note in result.plan.notes:
+        print_error(note)
     if json:
         print_json(result.summary.to_dict(), result.folder)
     else:
