@@ -14,7 +14,7 @@ from flightbed.config.kinds import Failure, GustSettings
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
 from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR
-from flightbed.flight.loop import DEPARTURE_RAD
+from flightbed.flight.ending import DEPARTURE_RAD
 from flightbed.scenario.tables import Scenario
 
 _MANY = 10  # most spells of late ticks that the event log lists separately
