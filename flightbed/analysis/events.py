@@ -13,7 +13,7 @@ from flightbed.analysis.trace import Trace, true_share
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
 from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR
-from flightbed.flight.loop import DEPARTURE_RAD
+from flightbed.flight.ending import DEPARTURE_RAD
 from flightbed.scenario.tables import Scenario
 
 _MANY = 10  # most spells of late ticks that the event log lists separately

@@ -36,10 +36,11 @@ from flightbed.core.versions import versions
 from flightbed.estimation.base import estimate_names
 from flightbed.failures.base import failure_tick
 from flightbed.flight.assembly import assemble, names_of, sensor_noise
-from flightbed.flight.computer import ready, rows_of
-from flightbed.flight.loop import Flight
+from flightbed.flight.composed import Composed
+from flightbed.flight.computer import computer_of, ready, rows_of
 from flightbed.flight.loop import fly as fly_loop
 from flightbed.flight.pacing import Clock, paced
+from flightbed.flight.parts import Flight
 from flightbed.flight.plan import Plan, plan
 from flightbed.models.linear_aircraft import LinearAircraft
 from flightbed.scenario.own_code import named_extensions
@@ -107,7 +108,7 @@ def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:
 def fly_trace(flight: Flight, scenario: Scenario, pace: Clock | None = None, watch: Watch | None = None) -> Trace:
     """Fly; return the trace of all samples.
 
-    Without clock, watcher and external code the flight computer is compiled; the samples are equal bit for bit.
+    The flight computer is compiled if all parts of the flight are built in; the samples are equal bit for bit.
 
     Args:
         flight: assembled, at its start.
@@ -117,11 +118,12 @@ def fly_trace(flight: Flight, scenario: Scenario, pace: Clock | None = None, wat
 
     """
     control_hz, names, timings = scenario.rates.control_hz, names_of(scenario, flight.estimators), array("q")
-    if pace is None and watch is None and not named_extensions(scenario):
+    own = bool(named_extensions(scenario))
+    if pace is None and watch is None and not own:
         rows = rows_of(flight)
         if rows is not None:
             return from_rows(rows, estimators=names, control_hz=control_hz)
-    samples = fly_loop(flight)
+    samples = fly_loop(flight, Composed(flight) if own else computer_of(flight))
     if pace is not None:
         samples = paced(samples, control_hz=control_hz, clock=pace, record=timings.extend)
     if watch is not None:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flightbed.aircraft.overlay import load_path
 from flightbed.campaigns.plan import Programme, Values, grid, with_values
 from flightbed.campaigns.settings import CampaignSettings
 from flightbed.campaigns.table import metric_columns
@@ -15,7 +14,7 @@ from flightbed.config.reading import display_path, read_toml, validation_lines, 
 from flightbed.config.table import ValidationError
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, did_you_mean
-from flightbed.flight.plan import plan
+from flightbed.flight.plan import bind, plan
 from flightbed.models.linear_aircraft import load_flyable
 from flightbed.scenario.estimates import estimates
 from flightbed.scenario.own_code import named_extensions
@@ -46,7 +45,8 @@ def load_programme(source: str | Path, overrides: Sequence[str] = (), runs: int 
     raw = read_toml(path)
     if "base" not in raw and "axes" not in raw:
         found = read(raw, display_path(path), overrides)
-        return replace(plain(found.scenario, RUNS if runs is None else runs), note=found.note)
+        programme = plain(found.scenario, RUNS if runs is None else runs)
+        return replace(programme, notes=(*found.notes, *programme.notes))
     place = display_path(path)
     if runs is not None:
         raw["runs"] = _at_least_one(runs)
@@ -71,9 +71,11 @@ def plain(scenario: Scenario, runs: int) -> Programme:
     _at_least_one(runs)
     if scenario.seed > _LAST_SEED - runs + 1:
         raise InputError(f"seed: must be at most {_LAST_SEED - runs + 1} with {runs} flights (got {scenario.seed})")
-    scenario = plan(scenario).scenario  # complete; errors appear before workers start
+    planned = plan(scenario)  # errors appear before workers start
+    scenario = planned.scenario  # complete
     return Programme(
-        scenario, scenario.to_dict(), runs, extensions=named_extensions(scenario), aircraft=(scenario.aircraft.sha256,)
+        scenario, scenario.to_dict(), runs, extensions=named_extensions(scenario), aircraft=(scenario.aircraft.sha256,),
+        notes=planned.notes,
     )  # fmt: skip
 
 
@@ -100,34 +102,25 @@ def _programme(settings: CampaignSettings, base: Reading, place: str, overridden
     if unknown := [p for p in settings.histories.points if p >= len(points)]:
         found.append(f"{place}: histories.points: must be below {len(points)}, the number of points (got {unknown[0]})")
     models = [axis.values or () for axis in settings.axes if axis.key == "aircraft.model"]
-    raw, fingerprints = _bound(base.raw, scenario, [str(v) for values in models for v in values])
+    raw, fingerprints, notes = _bound(base.raw, scenario, [str(v) for values in models for v in values])
     problems, dropped = _point_problems(settings, raw, points, place, estimates(scenario))
     found += problems
     if found:
         raise ScenarioError(found)
     complete = settle(raw, place, {}).scenario
-    notes = [note for note in (base.note, Reading(raw, complete, dropped).note) if note]
-    return Programme(
-        complete,
-        raw,
-        settings.runs,
-        points,
-        settings,
-        named_extensions(complete),
-        fingerprints,
-        "; ".join(notes) or None,
-    )
+    notes = (*base.notes, *Reading(raw, complete, dropped).notes, *notes)
+    return Programme(complete, raw, settings.runs, points, settings, named_extensions(complete), fingerprints, notes)
 
 
 def _bound(
     raw: Mapping[str, Any], scenario: Scenario, models: Sequence[str]
-) -> tuple[Mapping[str, Any], tuple[str, ...]]:
-    """Return the base with its aircraft's path and fingerprint, unless it is varied, and all fingerprints. Raises AircraftError."""
+) -> tuple[Mapping[str, Any], tuple[str, ...], tuple[str, ...]]:
+    """Return the base with its aircraft's path and fingerprint, unless it is varied, all fingerprints, and notes. Raises AircraftError."""
     if models:
-        return raw, tuple(load_flyable(model).sha256 for model in models)
-    aircraft = load_flyable(scenario.aircraft.model)
-    pinned = {"model": load_path(scenario.aircraft.model), "sha256": scenario.aircraft.sha256 or aircraft.sha256}
-    return {**raw, "aircraft": {**raw.get("aircraft", {}), **pinned}}, (aircraft.sha256,)
+        return raw, tuple(load_flyable(model).sha256 for model in models), ()
+    bound, _, notes = bind(scenario)
+    pinned = {"model": bound.aircraft.model, "sha256": bound.aircraft.sha256}
+    return {**raw, "aircraft": {**raw.get("aircraft", {}), **pinned}}, (bound.aircraft.sha256,), notes
 
 
 def _axis_problems(settings: CampaignSettings, place: str, overridden: Sequence[str]) -> list[str]:

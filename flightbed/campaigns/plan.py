@@ -60,7 +60,7 @@ class Programme:
         settings: the campaign file; None for a plain scenario, whose flights have successive seeds from its own on.
         extensions: own code that the flights use.
         aircraft: fingerprints of all aircraft.
-        note: keys of the file that an override or an axis leaves without effect, in one line; None if there are none.
+        notes: on the settings, one line each.
 
     """
 
@@ -71,7 +71,7 @@ class Programme:
     settings: CampaignSettings | None = None
     extensions: tuple[Extension, ...] = ()
     aircraft: tuple[str, ...] = ()
-    note: str | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of flights."""

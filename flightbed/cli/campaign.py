@@ -54,9 +54,9 @@ def campaign(
     with using(*(use or ())):
         with progress_bar() as progress:
             programme = load_programme(file, set_ or (), runs)
-            if programme.note:
-                print_error(programme.note)
             check_named(programme.scenario, use or ())
+            for note in programme.notes:
+                print_error(note)
             place = out if out is not None else Path("campaigns") / programme.name
             flown, written = campaigns.run(
                 programme, place, workers=workers, scheduler=scheduler, replace=out is not None, resume=resume, progress=progress,

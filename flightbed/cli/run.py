@@ -60,13 +60,15 @@ def run(
     with using(*(use or ())):
         reading = read_scenario(scenario, set_ or ())
         settings = reading.scenario
-        if reading.note:
-            print_error(reading.note)
+        for note in reading.notes:
+            print_error(note)
         check_named(settings, use or ())
         place = out if out is not None else Path("runs") / settings.name
         pace = WallClock() if realtime else None
         parts = {"rerun": rerun != "off", "report": report == "save"}
         result = fly(settings, place, **parts, replace=out is not None, pace=pace, live=live)
+    for note in result.plan.notes:
+        print_error(note)
     if json:
         print_json(result.summary.to_dict(), result.folder)
     else:

@@ -24,7 +24,7 @@ from flightbed.estimation.base import Estimator, SurfacesEstimator, estimate_nam
 from flightbed.failures.base import HealthHistory, healthy
 from flightbed.flight.lateral_axes import LateralAxes
 from flightbed.flight.load_factor_axis import LoadFactorAxis
-from flightbed.flight.loop import Flight
+from flightbed.flight.parts import Flight
 from flightbed.flight.plan import Plan, law_of, load_factor_law_of
 from flightbed.models.linear_aircraft import LinearAircraft
 from flightbed.plant.base import Plant

@@ -43,6 +43,7 @@ class Plan:
     lateral: LateralDirectional | None = None  # None if the stock laws control roll and yaw
     margins: Margins | None = None  # of the pitch loop; None for a law without gains
     load_factor: LoadFactorDesign | None = None  # None if the flight is not commanded in g
+    notes: tuple[str, ...] = ()  # on the settings, one line each; the terminal and the report show them
 
     @property
     def actuators(self) -> Mapping[str, Actuator]:
@@ -63,13 +64,7 @@ def plan(scenario: Scenario) -> Plan:
         ScenarioError: the aircraft does not support a setting; lists every problem.
 
     """
-    aircraft = load_flyable(scenario.aircraft.model)
-    if scenario.aircraft.sha256 not in ("", aircraft.sha256):
-        raise AircraftError(
-            f"aircraft {scenario.aircraft.model} is not the aircraft of this scenario (aircraft.sha256 differs); "
-            'clear the key, --set aircraft.sha256="", to fly it anyway'
-        )
-    scenario = scenario.with_aircraft(load_path(scenario.aircraft.model), aircraft.sha256)
+    scenario, aircraft, notes = bind(scenario)
     schedule, lateral, load_factor = None, None, None
     if isinstance(aircraft, LinearAircraft):
         if problems := _unsupported_by_linear(scenario, aircraft):
@@ -110,7 +105,28 @@ def plan(scenario: Scenario) -> Plan:
             f"adaptation.limit_command: needs a law with gains (got '{scenario.control.law}'); set it to false"
         )
     margins = None if gains is None else _margins(scenario, design, gains)
-    return Plan(scenario, aircraft, point, design, gains, schedule, lateral, margins, load_factor)
+    return Plan(scenario, aircraft, point, design, gains, schedule, lateral, margins, load_factor, notes)
+
+
+def bind(scenario: Scenario) -> tuple[Scenario, Aircraft | LinearAircraft, tuple[str, ...]]:
+    """Return the scenario with path and fingerprint of its aircraft, the aircraft, and a note if the scenario named an equal one.
+
+    Raises AircraftError: the aircraft cannot be loaded, or is neither the one that the scenario names nor equal to it.
+    """
+    model, named = scenario.aircraft.model, scenario.aircraft.sha256
+    aircraft = load_flyable(model)
+    notes: tuple[str, ...] = ()
+    if isinstance(aircraft, Aircraft) and named in aircraft.equal_to:
+        notes = (
+            f"aircraft.sha256: the scenario names {named[:12]}..., an earlier version of {aircraft.name}; "
+            f"its equal_to lists that version as flying the same traces, so {aircraft.sha256[:12]}... flies",
+        )
+    elif named not in ("", aircraft.sha256):
+        raise AircraftError(
+            f"aircraft {model} is not the aircraft of this scenario (aircraft.sha256 differs); "
+            'clear the key, --set aircraft.sha256="", to fly it anyway'
+        )
+    return scenario.with_aircraft(load_path(model), aircraft.sha256), aircraft, notes
 
 
 def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:

@@ -50,16 +50,16 @@ class Reading:
     dropped: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def note(self) -> str | None:
-        """One line that names the dropped keys; None if there are none."""
+    def notes(self) -> tuple[str, ...]:
+        """One line that names the dropped keys; none if there are none."""
         if not self.dropped:
-            return None
+            return ()
         reasons = dict.fromkeys(self.dropped.values())
         parts = [
             f"{', '.join(key for key, why in self.dropped.items() if why == reason)} (no effect with {reason})"
             for reason in reasons
         ]
-        return f"dropped from the file: {'; '.join(parts)}"
+        return (f"dropped from the file: {'; '.join(parts)}",)
 
 
 def load_scenario(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scenario:

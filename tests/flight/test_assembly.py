@@ -14,7 +14,8 @@ from flightbed.control.base import Gains
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
 from flightbed.flight.assembly import assemble
-from flightbed.flight.loop import Flight, fly
+from flightbed.flight.loop import fly
+from flightbed.flight.parts import Flight
 from flightbed.flight.plan import law_of, plan
 
 GIVEN = ["control.gains={alpha=0.3, q_s=0.8, elevator=-0.3, reference_s=-0.9}"]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.config import families
 from flightbed.control.base import Law
 from flightbed.core.atmosphere import standard_air
@@ -64,6 +65,25 @@ def test_the_plan_of_the_shipped_scenario() -> None:
 def test_an_aircraft_with_another_fingerprint_is_an_error() -> None:
     with pytest.raises(AircraftError, match=r"sillence is not the aircraft of this scenario"):
         plan(load_scenario("thesis-loss", ["aircraft.sha256=ab12"]))
+
+
+def test_a_scenario_of_an_equal_overlay_is_accepted_with_a_note(f16: Aircraft) -> None:
+    """An overlay lists earlier ones that fly the same traces; the plan names the one that flies."""
+    (earlier,) = f16.equal_to
+    found = plan(load_scenario("nominal", [f"aircraft.sha256={earlier}"]))
+    assert found.scenario.aircraft.sha256 == f16.sha256
+    assert found.notes == (
+        f"aircraft.sha256: the scenario names {earlier[:12]}..., an earlier version of f16; "
+        f"its equal_to lists that version as flying the same traces, so {f16.sha256[:12]}... flies",
+    )
+    assert plan(found.scenario).notes == ()
+    assert plan(load_scenario("nominal")).notes == ()
+
+
+@pytest.mark.parametrize("other", ["0" * 64, "184b8ab0"])
+def test_a_scenario_of_any_other_overlay_is_refused(other: str) -> None:
+    with pytest.raises(AircraftError, match=r"f16 is not the aircraft of this scenario \(aircraft\.sha256 differs\)"):
+        plan(load_scenario("nominal", [f"aircraft.sha256='{other}'"]))
 
 
 @pytest.mark.parametrize("key", ["alpha_std_deg_s", "q_std_deg_s2"])
