@@ -14,7 +14,7 @@ import pytest
 from flightbed.campaigns.file import load_programme
 from flightbed.campaigns.settings import CampaignSettings
 from flightbed.config import families
-from flightbed.config.kinds import FAILURES, GUSTS
+from flightbed.config.kinds import COMMANDS, FAILURES, GUSTS, ROLL_COMMANDS, SIDESLIP_COMMANDS
 from flightbed.config.own_code import using
 from flightbed.config.table import known_keys
 from flightbed.core import data
@@ -23,6 +23,13 @@ from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from tests.test_architecture import LEVEL
 
+_FAMILIES = {
+    "command": COMMANDS,
+    "failures": FAILURES,
+    "gusts": GUSTS,
+    "lateral.roll": ROLL_COMMANDS,
+    "lateral.sideslip": SIDESLIP_COMMANDS,
+}
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -39,7 +46,7 @@ def test_every_scenario_key_is_in_the_table_and_no_other() -> None:
     given = load_scenario("thesis-loss")  # poles and gains exclude each other
     in_kinds = {
         f"{place}.{key}"
-        for place, family in (("failures", FAILURES), ("gusts", GUSTS))
+        for place, family in _FAMILIES.items()
         for kind in families.built_in(family.name)
         for key in set(family.of(kind).model_fields) - family.without
     }

@@ -8,35 +8,16 @@ from types import MappingProxyType
 from flightbed.config import families
 from flightbed.config.kinds import (
     LOAD_FACTOR_LAWS,
-    Command,
     EstimatorSettings,
     Kind,
-    RollCommand,
-    SideslipCommand,
     Surroundings,
 )
-from flightbed.config.table import idle_keys
+from flightbed.config.table import idle_keys, keys_of
 from flightbed.core.errors import did_you_mean
-from flightbed.core.harmonics import MOST_HARMONICS, harmonics
 from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.estimates import detectors
 from flightbed.scenario.tables import Scenario
 
-_PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
-_BAND = _PULSES | {"low_hz", "high_hz"}
-_BINARY = {"switch_s", "register_bits", "seed"}
-_COMMAND_KEYS = _BAND | _BINARY  # keys that some kinds do not use
-_COMMAND_USES = {
-    "none": set[str](),
-    "constant": {"amplitude_deg_s", "start_s"},
-    "pulse": {"amplitude_deg_s", "start_s", "period_s"},
-    "doublet": _PULSES,
-    "3-2-1-1": _PULSES,
-    "chirp": _BAND,
-    "multisine": _BAND,
-    "dither": _BAND - {"count"},
-    "random": _PULSES - {"period_s"} | _BINARY,
-}
 _FIXED_PRIOR = ("first_reading", "alpha_deg", "q_deg_s", "alpha_std_deg", "q_std_deg_s")
 _LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
 # Keys of the law nz-adaptive alone, and of flights commanded in g alone.
@@ -77,12 +58,18 @@ _MEMORIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 def _kinds(scenario: Scenario) -> Iterator[tuple[str, Kind]]:
     """Yield the place and the settings of each kind in a scenario."""
+    yield "command", scenario.command
+    if scenario.lateral.enabled:
+        yield "lateral.roll", scenario.lateral.roll
+        yield "lateral.sideslip", scenario.lateral.sideslip
     yield from ((f"failures.{i}", failure) for i, failure in enumerate(scenario.failures))
     yield from ((f"gusts.{i}", gust) for i, gust in enumerate(scenario.gusts))
 
 
 def _surroundings(scenario: Scenario) -> Surroundings:
-    return Surroundings(scenario.rates.control_hz, lateral=scenario.lateral.enabled, in_g=scenario.in_g)
+    return Surroundings(
+        scenario.rates.control_hz, lateral=scenario.lateral.enabled, in_g=scenario.in_g, law=scenario.control.law
+    )
 
 
 def conflicts(scenario: Scenario) -> list[str]:
@@ -103,10 +90,6 @@ def conflicts(scenario: Scenario) -> list[str]:
     around = _surroundings(scenario)
     problems += [line for place, kind in _kinds(scenario) for line in kind.conflicts(place, around)]
     problems += reconstruction_checks.conflicts(scenario)
-    problems += _command_conflicts(scenario.command, hz)
-    if scenario.lateral.enabled:
-        problems += _command_conflicts(scenario.lateral.roll, hz, "lateral.roll")
-        problems += _command_conflicts(scenario.lateral.sideslip, hz, "lateral.sideslip")
     names = [estimator.name for estimator in scenario.estimators]
     for i, estimator in enumerate(scenario.estimators):
         if estimator.name in names[:i]:
@@ -196,9 +179,6 @@ def _load_factor_conflicts(scenario: Scenario) -> list[str]:
 
 def _options_of_built_ins(scenario: Scenario) -> list[str]:
     tables = [
-        ("command", "commands", "kind", scenario.command.kind, scenario.command.options),
-        ("lateral.roll", "commands", "kind", scenario.lateral.roll.kind, scenario.lateral.roll.options),
-        ("lateral.sideslip", "commands", "kind", scenario.lateral.sideslip.kind, scenario.lateral.sideslip.options),
         ("control", "laws", "law", scenario.control.law, scenario.control.options),
         *((f"estimators.{i}", "estimators", "kind", e.kind, e.options) for i, e in enumerate(scenario.estimators)),
     ]
@@ -213,50 +193,12 @@ def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
     return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; known: {', '.join(names) or 'none'}"
 
 
-def _command_conflicts(command: Command | RollCommand | SideslipCommand, hz: int, place: str = "command") -> list[str]:
-    kind = command.kind
-    shortest = {"doublet": ("period_s", 2), "3-2-1-1": ("period_s", 7), "random": ("switch_s", 1)}
-    if kind in shortest:
-        key, parts = shortest[kind]
-        value: float = getattr(command, key)
-        if value * hz < parts - 1e-6:
-            return [
-                f"{place}.{key}: must be at least {parts / hz:g}, so that each pulse lasts at least one tick (got {value:g})"
-            ]
-    if kind not in ("chirp", "multisine", "dither"):
-        return []
-    problems = []
-    if command.high_hz >= 0.5 * hz:
-        problems.append(
-            f"{place}.high_hz: must be below {0.5 * hz:g}, half of rates.control_hz (got {command.high_hz:g})"
-        )
-    if command.low_hz > command.high_hz:
-        problems.append(
-            f"{place}.low_hz: must be no higher than high_hz = {command.high_hz:g} (got {command.low_hz:g})"
-        )
-    elif kind != "chirp":
-        found = len(harmonics(low_hz=command.low_hz, high_hz=command.high_hz, period_s=command.period_s))
-        if not 1 <= found <= MOST_HARMONICS:
-            cure = "widen the band or lengthen the period" if found == 0 else "narrow the band or shorten the period"
-            problems.append(
-                f"{place}.period_s: the band from low_hz to high_hz must hold 1 to {MOST_HARMONICS} multiples of 1/period_s "
-                f"(got {found}); {cure}"
-            )
-    return problems
-
-
 def unused_keys(scenario: Scenario) -> dict[str, str]:
     """Return key without effect -> setting that disables it."""
     lateral, adaptation = scenario.lateral, scenario.adaptation
-    keys = _unused_in_command("command", scenario.command)
-    if lateral.enabled:
-        keys |= _unused_in_command("lateral.roll", lateral.roll) | _unused_in_command(
-            "lateral.sideslip", lateral.sideslip
-        )
-    else:
-        own = {f"lateral.{key}" for key in type(lateral).model_fields if key != "enabled"}
-        own |= {f"lateral.{axis}.{key}" for axis in ("roll", "sideslip") for key in type(lateral.roll).model_fields}
-        own |= {f"sensors.{key}" for key in _LATERAL_SENSORS} | {"lateral.sideslip.amplitude_deg"}
+    keys: dict[str, str] = {}
+    if not lateral.enabled:
+        own = {*keys_of(lateral, "lateral."), *(f"sensors.{key}" for key in _LATERAL_SENSORS)} - {"lateral.enabled"}
         keys |= dict.fromkeys(sorted(own), "lateral.enabled = false")
     if scenario.control.gains is not None:
         keys["control.integral_pole_rad_s"] = "control.gains"
@@ -310,13 +252,13 @@ def _unused_in_g(scenario: Scenario) -> dict[str, str]:
     identification = {f"control.identification.{key}" for key in _IDENTIFICATION}
     idle: set[str] = set()
     if law in LOAD_FACTOR_LAWS:
-        idle |= {"command.amplitude_deg_s", "control.integral_pole_rad_s", "adaptation.feedback"}
+        idle |= {"control.integral_pole_rad_s", "adaptation.feedback"}
         idle |= {f"control.gains.{key}" for key in ("alpha", "q_s", "elevator", "reference_s", "integral")} | {
             "control.gains"
         }
         idle |= identification if law != "nz-adaptive" else set()
     elif families.is_built_in("laws", law):
-        idle |= {"command.amplitude_g", *identification, "control.autothrottle.enabled"}
+        idle |= {*identification, "control.autothrottle.enabled"}
         idle |= {f"control.autothrottle.{key}" for key in _AUTOTHROTTLE}
         if all(families.is_built_in("estimators", estimator.kind) for estimator in scenario.estimators):
             idle.add("sensors.nz_std_g")
@@ -327,12 +269,3 @@ def _unused_in_g(scenario: Scenario) -> dict[str, str]:
     elif law in LOAD_FACTOR_LAWS and not throttle.then_fps:
         keys["control.autothrottle.then_at_s"] = "control.autothrottle.then_fps = 0"
     return keys
-
-
-def _unused_in_command(place: str, command: Command | RollCommand | SideslipCommand) -> dict[str, str]:
-    unused = _COMMAND_KEYS - _COMMAND_USES.get(command.kind, _COMMAND_KEYS)
-    if "amplitude_deg" in type(command).model_fields:
-        unused = {"amplitude_deg" if key == "amplitude_deg_s" else key for key in unused}
-    elif "amplitude_deg_s" in unused:
-        unused = unused | {"amplitude_g"}
-    return {f"{place}.{key}": f"{place}.kind = '{command.kind}'" for key in unused}

@@ -7,16 +7,17 @@ from typing import Annotated, Literal
 import tomli_w
 
 from flightbed.config.kinds import (
+    COMMANDS,
     FAILURES,
     GUSTS,
     LOAD_FACTOR_LAWS,
-    Command,
+    ROLL_COMMANDS,
+    SIDESLIP_COMMANDS,
+    CommandSettings,
     Control,
     EstimatorSettings,
     FailureSettings,
     GustSettings,
-    RollCommand,
-    SideslipCommand,
 )
 from flightbed.config.table import (
     Field,
@@ -71,8 +72,8 @@ class Lateral(Settings):
     """
 
     enabled: bool = False
-    roll: RollCommand = RollCommand()
-    sideslip: SideslipCommand = SideslipCommand()
+    roll: Annotated[CommandSettings, ROLL_COMMANDS] = Field(default_factory=ROLL_COMMANDS.make)
+    sideslip: Annotated[CommandSettings, SIDESLIP_COMMANDS] = Field(default_factory=SIDESLIP_COMMANDS.make)
     beta_deg: Positive = 2.0
     p_deg_s: Positive = 20.0
     r_deg_s: Positive = 10.0
@@ -155,8 +156,8 @@ class Scenario(Settings):
     aircraft: AircraftSettings = AircraftSettings()
     condition: Condition = Condition()
     rates: Rates = Rates()
-    command: Command = Command()
-    lateral: Lateral = Lateral()
+    command: Annotated[CommandSettings, COMMANDS] = Field(default_factory=COMMANDS.make)
+    lateral: Lateral = Field(default_factory=Lateral)
     sensors: Sensors = Sensors()
     atmosphere: Atmosphere = Atmosphere()
     gusts: tuple[Annotated[GustSettings, GUSTS], ...] = ()
