@@ -286,7 +286,9 @@ def _changed_file(theirs: Any, ours: Any) -> str:
     """Return the first imported file that differs between two identities of own code, in brackets; empty if the code itself differs."""
     if not isinstance(theirs, dict) or not isinstance(ours, dict) or theirs.get("sha256") != ours.get("sha256"):
         return ""
-    before, now = (dict(one.get("imports") or {}) for one in (theirs, ours))
+    before, now = theirs.get("imports"), ours.get("imports")
+    if not isinstance(before, dict) or not isinstance(now, dict):
+        return ""
     return next((f" ({file})" for file in sorted({*before, *now}) if before.get(file) != now.get(file)), "")
 
 

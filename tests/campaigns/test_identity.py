@@ -46,7 +46,7 @@ def start(tree: Path, cwd: Path, *arguments: str) -> None:
 
 
 def resume(tree: Path, cwd: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "flightbed", "campaign", *arguments, *BASE, "--resume"]
+    command = [sys.executable, "-m", "flightbed", "campaign", arguments[0], *BASE, *arguments[1:], "--resume"]
     environment = {**os.environ, "PYTHONPATH": str(tree)}
     return subprocess.run(command, env=environment, cwd=cwd, capture_output=True, text=True, check=False)
 
@@ -71,7 +71,7 @@ def test_sources_edited_before_a_campaign_is_resumed(tmp_path: Path) -> None:
         assert rest.endswith("; fly it anew (name another folder with --out), or restore those sources\n")
     edited.write_text(before)
     done = resume(tree, tmp_path, "thesis-loss")
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
     assert "20 flights in" in done.stdout
 
 
@@ -80,10 +80,10 @@ def test_a_module_of_own_code_edited_before_a_campaign_is_resumed(tmp_path: Path
     (tmp_path / "helper.py").write_text("START = 0.5\n")
     own = ["--use", "mine.py:Fixed", "--set", "estimators.0.kind=mine.py:Fixed"]
     start(PACKAGE.parent, tmp_path, "thesis-loss", "c", "mine.py:Fixed")
-    (tmp_path / "helper.py").write_text("START = 0.6\n")
+    (tmp_path / "helper.py").write_text("START = 0.625\n")
     done = resume(PACKAGE.parent, tmp_path, "thesis-loss", *own, "--out", "c")
-    assert done.returncode == 2
+    assert done.returncode == 2, done.stderr
     assert "which was started by other sources: mine.py:Fixed (helper.py); fly it anew" in done.stderr
     (tmp_path / "helper.py").write_text("START = 0.5\n")
     done = resume(PACKAGE.parent, tmp_path, "thesis-loss", *own, "--out", "c")
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
