@@ -8,12 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from flightbed.config import families
 from flightbed.config.family import Family
-from flightbed.config.options import Options
 from flightbed.config.table import (
     Identifier,
     ModelWrapValidatorHandler,
     NonNegative,
-    OwnOptions,
     OwnSettings,
     Positive,
     PydanticCustomError,
@@ -180,11 +178,8 @@ class GustSettings(Kind):
         return f"the gust '{self.shape}' begins"
 
 
-class PlainGust(GustSettings):
+class PlainGust(OwnSettings, GustSettings):
     """A gust of own code: a function (settings, before) -> vertical speed of the air over time."""
-
-    options: OwnOptions = Options()
-    """Its own settings."""
 
     def build(self, before: Any) -> Any:
         """Return the vertical speed of the air over time, m/s, with this gust added."""
@@ -430,13 +425,11 @@ class EstimatorSettings(Kind):
         raise NotImplementedError
 
 
-class PlainEstimator(EstimatorSettings):
+class PlainEstimator(OwnSettings, EstimatorSettings):
     """An estimator of own code: a class or function (settings, onboard) -> object with ``update``."""
 
     prior: EffectivenessPrior = EffectivenessPrior()
     """Prior of K."""
-    options: OwnOptions = Options()
-    """Its own settings."""
 
     def build(self, onboard: Any) -> Any:
         """Return the estimator."""
