@@ -11,20 +11,21 @@ from pydantic import (
     AfterValidator,
     ConfigDict,
     GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
     GetPydanticSchema,
     SerializerFunctionWrapHandler,
     model_serializer,
 )  # fmt: skip
 from pydantic import BaseModel as BaseModel
 from pydantic import Field as Field
+from pydantic import GetJsonSchemaHandler as GetJsonSchemaHandler
 from pydantic import ModelWrapValidatorHandler as ModelWrapValidatorHandler
 from pydantic import ValidationError as ValidationError
 from pydantic import model_validator as model_validator
 from pydantic.fields import FieldInfo
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema as CoreSchema
 from pydantic_core import PydanticCustomError as PydanticCustomError
 from pydantic_core import PydanticUndefined as PydanticUndefined
+from pydantic_core import core_schema
 
 from flightbed.config import families
 from flightbed.config.options import Options, is_option
