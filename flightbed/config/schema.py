@@ -32,6 +32,6 @@ def _with_units(node: Any) -> Any:
         return node
     node = {key: _with_units(value) for key, value in node.items()}
     for name, inner in node.get("properties", {}).items():
-        if isinstance(inner, dict) and inner.get("type") == "number" and (unit := unit_of(name)) != "1":
+        if isinstance(inner, dict) and inner.get("type") in ("number", "integer") and (unit := unit_of(name)) != "1":
             inner["description"] = f"{inner.get('description', '')} Unit: {unit}.".strip()
     return node
