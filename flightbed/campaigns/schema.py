@@ -10,8 +10,8 @@ from flightbed.config.schema import schema_of
 _DESCRIPTION = (
     "A campaign of flightbed: many flights of one scenario over a grid or with random values. This schema does not state: low is below "
     "high, with the mean between them, and min is at most max; no key is varied twice, nor inside another varied key; axes have equal "
-    "lengths with combine = 'paired'; the keys and values of the axes fit the base scenario, and the metrics are columns; indices and points exist; "
-    "numbers are finite, and whole numbers have no decimal point. `flightbed campaign` checks all of it."
+    "lengths with combine = 'paired'; the keys and values of the axes fit the base scenario, and the metrics are columns; indices and "
+    "points exist; numbers are finite, and whole numbers have no decimal point. `flightbed campaign` checks all of it."
 )
 
 
