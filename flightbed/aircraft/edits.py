@@ -128,9 +128,9 @@ def _remove(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, s
             raise EditError(f"{path}: names: must be a list of texts (got {names!r})")
         there = [child.get("name", "") for _, child in found]
         for name in names:
-            if there.count(name) != 1:
-                cure = did_you_mean(name, there) or "; correct elements or names"
-                raise EditError(f"expected one {path} named {name}, found {there.count(name)}{cure}")
+            if (times := there.count(name)) != 1:
+                cure = (did_you_mean(name, there) if times == 0 else "") or "; correct elements or names"
+                raise EditError(f"expected one {path} named {name}, found {times}{cure}")
         found = [(parent, child) for parent, child in found if child.get("name") in names]
     for parent, child in found:
         parent.remove(child)

@@ -22,15 +22,15 @@ from flightbed.core.errors import ExtensionError, UnknownNameError
 _BUILT_IN = MappingProxyType(
     {
         "commands": {
-            "doublet": "flightbed.command.doublet:build",
-            "3-2-1-1": "flightbed.command.three_two_one_one:build",
-            "chirp": "flightbed.command.chirp:build",
-            "multisine": "flightbed.command.multisine:build",
-            "random": "flightbed.command.random:build",
-            "dither": "flightbed.command.multisine:build_dither",
-            "constant": "flightbed.command.constant:build",
-            "pulse": "flightbed.command.pulses:build",
-            "none": "flightbed.command.constant:build_none",
+            "doublet": "flightbed.command.doublet:Doublet",
+            "3-2-1-1": "flightbed.command.three_two_one_one:ThreeTwoOneOne",
+            "chirp": "flightbed.command.chirp:Chirp",
+            "multisine": "flightbed.command.multisine:Multisine",
+            "random": "flightbed.command.random:PseudoRandom",
+            "dither": "flightbed.command.multisine:Dither",
+            "constant": "flightbed.command.constant:Constant",
+            "pulse": "flightbed.command.pulses:Pulse",
+            "none": "flightbed.command.constant:Silent",
         },
         "laws": {
             "proportional": "flightbed.control.proportional:ProportionalSettings",

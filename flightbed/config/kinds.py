@@ -22,9 +22,8 @@ from flightbed.config.table import (
     between,
     example,
     model_validator,
-    registered,
 )
-from flightbed.core.units import DEG
+from flightbed.core.units import DEG, unit_of
 
 
 class Surroundings(NamedTuple):
@@ -33,6 +32,7 @@ class Surroundings(NamedTuple):
     control_hz: int
     lateral: bool  # aileron and rudder are commanded
     in_g: bool  # the command is a load factor
+    law: str  # of pitch
 
 
 class Kind(Settings):
@@ -47,58 +47,114 @@ class Kind(Settings):
         return {}
 
 
-class _Shape(OwnSettings):
-    kind: Annotated[str, registered("commands")] = "doublet"
-    period_s: Positive = 4.5
-    count: Annotated[int, between(0, 10000)] = 3
-    start_s: NonNegative = 0.0
-    low_hz: NonNegative = 0.2
-    high_hz: Positive = 2.0
-    switch_s: Positive = 0.3
-    register_bits: Annotated[int, between(2, 12)] = 4
-    seed: Annotated[int, between(0, 2**63 - 1)] = 0
+AMPLITUDES = ("amplitude_deg_s", "amplitude_g", "amplitude_deg")  # of a rate, of a load factor, of an angle
+
+
+class CommandSettings(Kind):
+    """A command over time, and its prefilter w/(s + w)."""
+
+    kind: str = "doublet"
+    """Shape over time."""
     filter_rad_s: NonNegative = 3.0
+    """Bandwidth w of the prefilter; 0 passes the command unfiltered."""
+
+    def build(self, amplitude_rad_s: float) -> Any:
+        """Return the command over time with this amplitude: a function from times, s, to values in the unit of the amplitude, arrays."""
+        raise NotImplementedError
+
+    def rate(self) -> Any:
+        """Return the commanded rate over time, rad/s."""
+        return self.build(0.0)
+
+    def load_factor(self) -> Any:
+        """Return the commanded increment of the load factor over time, g."""
+        return self.build(0.0)
+
+    def angle(self) -> Any:
+        """Return the commanded angle over time, rad."""
+        return self.build(0.0)
+
+    def in_words(self, amplitude: str) -> str:
+        """Return kind, keys and prefilter in words; ``amplitude`` is the key of AMPLITUDES that acts."""
+        used = self._used(amplitude)
+        suffixes = {"deg/s": "_deg_s", "deg": "_deg", "s": "_s", "Hz": "_hz", "g": "_g"}
+        words = [self.kind]
+        for key, value in sorted(used.items(), key=lambda item: not item[0].startswith("amplitude")):
+            unit = unit_of(key) if unit_of(key) in suffixes else ""
+            shown = f"{value:g}" if isinstance(value, float) else str(value)
+            words.append(f"{key.removesuffix(suffixes.get(unit, '')).replace('_', ' ')} {shown} {unit}".strip())
+        return f"{', '.join(words)}; prefilter {self.filter_rad_s:g} rad/s"
+
+    def _used(self, amplitude: str) -> dict[str, Any]:
+        """Return the keys that ``in_words`` lists."""
+        left_out = {"kind", "filter_rad_s", *AMPLITUDES} - {amplitude}
+        return self.model_dump(exclude=left_out)
 
 
-class _RateCommand(_Shape):
+class ShapedCommand(CommandSettings):
+    """A command with an amplitude; each place has one of the amplitudes, the pitch command two of them."""
+
     amplitude_deg_s: float = 5.0
-
-    @model_validator(mode="before")
-    @classmethod
-    def _small_dither(cls, raw: Any) -> Any:
-        return {"amplitude_deg_s": 0.5, **raw} if isinstance(raw, Mapping) and raw.get("kind") == "dither" else raw
-
-
-class Command(_RateCommand):
-    """Pitch-rate or load-factor command and its prefilter w/(s+w); each kind ignores the keys that it does not need."""
-
+    """Peak of a commanded rate."""
     amplitude_g: float = 1.0
-
-    def in_g(self) -> Command:
-        """Return a command whose pitch rate in rad/s equals this command's increment in g."""
-        return self.model_copy(update={"amplitude_deg_s": self.amplitude_g / DEG})
-
-
-class RollCommand(_RateCommand):
-    """Roll-rate command and its prefilter, with the keys of Command; the default kind is "none"."""
-
-    kind: Annotated[str, registered("commands")] = "none"
-
-    def as_command(self) -> Command:
-        """Return the equivalent Command."""
-        return Command(**{key: getattr(self, key) for key in _RateCommand.model_fields})
-
-
-class SideslipCommand(_Shape):
-    """Sideslip command in degrees and its prefilter, with the shapes of Command; the default kind is "none"."""
-
-    kind: Annotated[str, registered("commands")] = "none"
+    """Peak of a commanded load factor: increment over level flight, up positive."""
     amplitude_deg: float = 2.0
+    """Peak of a commanded angle."""
 
-    def as_command(self) -> Command:
-        """Return a Command whose pitch rate in deg/s equals this sideslip in deg."""
-        shape = {key: getattr(self, key) for key in _Shape.model_fields}
-        return Command(**shape, amplitude_deg_s=self.amplitude_deg)
+    def rate(self) -> Any:
+        """Return the commanded rate over time, rad/s."""
+        return self._made(self.amplitude_deg_s)
+
+    def load_factor(self) -> Any:
+        """Return the commanded increment of the load factor over time, g."""
+        return self._made(self.amplitude_g / DEG)
+
+    def angle(self) -> Any:
+        """Return the commanded angle over time, rad."""
+        return self._made(self.amplitude_deg)
+
+    def _made(self, amplitude_deg_s: float) -> Any:
+        return self.build(amplitude_deg_s * DEG)
+
+    def idle(self, place: str, surroundings: Surroundings) -> dict[str, str]:
+        """Return the amplitude of the pitch command that does not act: the law is commanded either in deg/s or in g."""
+        if place != "command":
+            return {}
+        key = "amplitude_deg_s" if surroundings.in_g else "amplitude_g"
+        return {f"{place}.{key}": f"control.law = '{surroundings.law}'"}
+
+
+class PlainCommand(OwnSettings, ShapedCommand):
+    """A command of own code: a function (settings) -> command over time; ``settings.amplitude_deg_s`` is its amplitude in every place."""
+
+    start_s: NonNegative = 0.0
+    """Start."""
+    period_s: Positive = 4.5
+    """Period."""
+    count: Annotated[int, between(0, 10000)] = 3
+    """Number of periods."""
+
+    def build(self, amplitude_rad_s: float) -> Any:
+        """Return the command over time."""
+        return self._made(amplitude_rad_s / DEG)
+
+    def _made(self, amplitude_deg_s: float) -> Any:
+        given = self.model_copy(update={"amplitude_deg_s": amplitude_deg_s})
+        return families.factory("commands", self.kind)(given)
+
+    def _used(self, amplitude: str) -> dict[str, Any]:  # noqa: ARG002
+        """Return the keys that are set, and the options: which keys the code reads is not known."""
+        written = self.model_dump(include=self.model_fields_set - {"kind", "filter_rad_s", "options"})
+        return {**written, **self.options}
+
+
+COMMANDS = Family("commands", CommandSettings, PlainCommand, default="doublet", without=("amplitude_deg",))
+ROLL_COMMANDS = Family(
+    "commands", CommandSettings, PlainCommand, default="none", without=("amplitude_g", "amplitude_deg")
+)
+SIDESLIP_COMMANDS = Family(
+    "commands", CommandSettings, PlainCommand, default="none", without=("amplitude_g", "amplitude_deg_s")
+)
 
 
 class GustSettings(Kind):

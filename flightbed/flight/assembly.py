@@ -9,9 +9,8 @@ import numpy as np
 
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.avionics.onboard import OnBoard
-from flightbed.command.base import Profile, profile
-from flightbed.config import families
-from flightbed.config.kinds import ESTIMATORS, Command
+from flightbed.command.base import Command, Profile, profile
+from flightbed.config.kinds import ESTIMATORS, CommandSettings
 from flightbed.config.tracebacks import error_context
 from flightbed.control.base import Law
 from flightbed.control.correction import Adaptation
@@ -67,7 +66,9 @@ def _assembled(plan: Plan) -> Flight:
     return Flight(
         plant=plant,
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
-        profile=_profile(scenario, scenario.command) if load_factor is None else _no_pitch_rate(ticks),
+        profile=_profile(scenario, scenario.command.rate(), scenario.command)
+        if load_factor is None
+        else _no_pitch_rate(ticks),
         health=health,
         law=law,
         adaptation=Adaptation(
@@ -96,12 +97,13 @@ def _assembled(plan: Plan) -> Flight:
     )
 
 
-def _profile(scenario: Scenario, command: Command) -> Profile:
+def _profile(scenario: Scenario, command: Command, settings: CommandSettings) -> Profile:
+    """Return a command, built from these settings, sampled over the flight and filtered by their prefilter."""
     return profile(
-        families.factory("commands", command.kind)(command),
+        command,
         ticks=scenario.ticks,
         control_hz=scenario.rates.control_hz,
-        filter_rad_s=command.filter_rad_s,
+        filter_rad_s=settings.filter_rad_s,
     )
 
 
@@ -116,7 +118,7 @@ def _load_factor(plan: Plan, plant: Plant) -> LoadFactorAxis | None:
         return None
     scenario, hz = plan.scenario, plan.scenario.rates.control_hz
     assert isinstance(plant, JsbsimPlant)
-    command = _profile(scenario, scenario.command.in_g())
+    command = _profile(scenario, scenario.command.load_factor(), scenario.command)
     return LoadFactorAxis(
         plant,
         load_factor_law_of(scenario, plan.load_factor),
@@ -152,9 +154,8 @@ def _lateral(plan: Plan, plant: Plant, names: Sequence[str], seed: np.random.See
     assert isinstance(aircraft, Aircraft)
     assert plan.lateral is not None
     hz, ticks = scenario.rates.control_hz, scenario.ticks
-    roll, sideslip = (
-        _profile(scenario, command) for command in (settings.roll.as_command(), settings.sideslip.as_command())
-    )
+    roll = _profile(scenario, settings.roll.rate(), settings.roll)
+    sideslip = _profile(scenario, settings.sideslip.angle(), settings.sideslip)
     weights = RollYawWeights(*(getattr(settings, key) * DEG for key in _WEIGHTS))
     adaptation = scenario.adaptation
     corrections = []

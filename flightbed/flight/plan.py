@@ -116,7 +116,7 @@ def bind(scenario: Scenario) -> tuple[Scenario, Aircraft | LinearAircraft, tuple
     model, named = scenario.aircraft.model, scenario.aircraft.sha256
     aircraft = load_flyable(model)
     notes: tuple[str, ...] = ()
-    if isinstance(aircraft, Aircraft) and named in aircraft.equal_to:
+    if isinstance(aircraft, Aircraft) and named != aircraft.sha256 and named in aircraft.equal_to:
         notes = (
             f"aircraft.sha256: the scenario names {named[:12]}..., an earlier version of {aircraft.name}; "
             f"its equal_to lists that version as flying the same traces, so {aircraft.sha256[:12]}... flies",

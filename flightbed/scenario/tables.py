@@ -8,18 +8,19 @@ from typing import Annotated, Any, Literal
 import tomli_w
 
 from flightbed.config.kinds import (
+    COMMANDS,
     ESTIMATORS,
     FAILURES,
     GUSTS,
     LAWS,
-    Command,
+    ROLL_COMMANDS,
+    SIDESLIP_COMMANDS,
+    CommandSettings,
     EstimatorSettings,
     FailureSettings,
     GustSettings,
     Kind,
     LawSettings,
-    RollCommand,
-    SideslipCommand,
     Surroundings,
 )
 from flightbed.config.table import (
@@ -87,9 +88,11 @@ class Lateral(Settings):
 
     enabled: bool = False
     """Whether aileron and rudder are commanded."""
-    roll: Annotated[RollCommand, only_with(enabled=True)] = RollCommand()
+    roll: Annotated[CommandSettings, ROLL_COMMANDS, only_with(enabled=True)] = Field(default_factory=ROLL_COMMANDS.make)
     """Roll-rate command."""
-    sideslip: Annotated[SideslipCommand, only_with(enabled=True)] = SideslipCommand()
+    sideslip: Annotated[CommandSettings, SIDESLIP_COMMANDS, only_with(enabled=True)] = Field(
+        default_factory=SIDESLIP_COMMANDS.make
+    )
     """Sideslip command."""
     beta_deg: Annotated[Positive, only_with(enabled=True)] = 2.0
     """Weight of sideslip."""
@@ -214,9 +217,9 @@ class Scenario(Settings):
     """Initial condition."""
     rates: Rates = Rates()
     """Rates."""
-    command: Command = Command()
+    command: Annotated[CommandSettings, COMMANDS] = Field(default_factory=COMMANDS.make)
     """Command of the pitch axis."""
-    lateral: Lateral = Lateral()
+    lateral: Lateral = Field(default_factory=Lateral)
     """Control of roll and yaw."""
     sensors: Sensors = Sensors()
     """Sensors."""
@@ -258,10 +261,14 @@ class Scenario(Settings):
     @property
     def surroundings(self) -> Surroundings:
         """Settings on which the checks of its kinds depend."""
-        return Surroundings(self.rates.control_hz, lateral=self.lateral.enabled, in_g=self.in_g)
+        return Surroundings(self.rates.control_hz, lateral=self.lateral.enabled, in_g=self.in_g, law=self.control.law)
 
     def kinds(self) -> Iterator[tuple[str, Kind]]:
         """Yield the place and the settings of each kind."""
+        yield "command", self.command
+        if self.lateral.enabled:
+            yield "lateral.roll", self.lateral.roll
+            yield "lateral.sideslip", self.lateral.sideslip
         yield "control", self.control
         yield from ((f"failures.{i}", failure) for i, failure in enumerate(self.failures))
         yield from ((f"gusts.{i}", gust) for i, gust in enumerate(self.gusts))

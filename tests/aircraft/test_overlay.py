@@ -198,6 +198,10 @@ def test_a_stock_model_with_another_hash_is_refused(f16: Aircraft) -> None:
             {"do": "remove", "elements": "flight_control/channel", "names": ["zzz"]},
             "expected one flight_control/channel named zzz, found 0; correct elements or names$",
         ),
+        (
+            {"do": "remove", "elements": "external_reactions/force/location", "names": [""]},
+            r"expected one external_reactions/force/location named , found \d; correct elements or names$",
+        ),
         ({"do": "remove", "elements": "flight_control/channel"}, r"needs either names or count \(got neither\)$"),
         ({"do": "remove", "elements": "system", "names": ["x"], "count": 1}, r"either names or count \(got both\)$"),
         ({"do": "remove", "elements": "system", "count": 0}, r"count: must be a whole number of at least 1 \(got 0\)$"),

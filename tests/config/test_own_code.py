@@ -24,15 +24,17 @@ from hypothesis import strategies as st
 import flightbed
 from flightbed.analysis.events import failures
 from flightbed.analysis.seeds import Job, fly_jobs, processes
+from flightbed.analysis.summary_text import command
 from flightbed.avionics.onboard import OnBoard
 from flightbed.cli import main as cli
 from flightbed.config import families
-from flightbed.config.kinds import EstimatorSettings, PlainEstimator
+from flightbed.config.kinds import CommandSettings, EstimatorSettings, PlainEstimator
 from flightbed.config.options import Options
 from flightbed.config.own_code import load, names_without_option, use_options, using
 from flightbed.config.table import between, only_with
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
+from flightbed.core.units import DEG
 from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainSettings
 from flightbed.failures.base import HealthHistory
 from flightbed.report.flight_report import rerun_command
@@ -503,7 +505,18 @@ def test_empty_options_are_not_written() -> None:
         ("estimators.0.options.gain=2", "--set: estimators.0.options: 'loop-gain' has no such key (own code has it); remove it"),
         ("control.options.gain=2", "--set: control.options: 'proportional' has no such key (own code has it); remove it"),
         ("failures.0.options.a=2", "--set: failures.0.options: 'effectiveness' has no such key (own code has it); remove it"),
-        ("command.options.a=2", "scenarios/elevator-loss.toml: command.options: kind 'doublet' takes no options (got a); only external code has them"),
+        ("command.options.a=2", "--set: command.options: 'doublet' has no such key (own code has it); remove it"),
+    ],
+)  # fmt: skip
+def test_invalid_options(override: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", [override])
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
         ("command.options=2", "--set command.options: must be a table (got 2)"),
         ("command.options.a.b=2", "scenarios/elevator-loss.toml: command.options.a: must be text, a finite number, true or false, or a list of these (got {'b': 2})"),
         ("command.options.a=inf", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got inf)"),
@@ -511,9 +524,9 @@ def test_empty_options_are_not_written() -> None:
         ("command.options.a=1999-12-31", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got datetime.date(1999, 12, 31))"),
     ],
 )  # fmt: skip
-def test_invalid_options(override: str, message: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario("elevator-loss", [override])
+def test_invalid_options_of_own_code(override: str, message: str) -> None:
+    with using({"mine": Still}), pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", ["command.kind=mine", override])
     assert str(caught.value) == message
 
 
@@ -596,16 +609,6 @@ def test_a_settings_class_that_builds_no_estimator_is_an_error(made: str, messag
         flightbed.run(load_scenario("nominal", [*QUICK, TYPED, f"estimators.1.made={made}"]))
 
 
-def test_external_kinds_may_use_every_key() -> None:
-    """Keys without effect for a built-in kind, which --set rejects there."""
-    others = ["command.seed=1"]
-    with using({"mine": Still}):
-        assert load_scenario("elevator-loss", ["command.kind=mine", *others]).command.seed == 1
-    for key in others:
-        with pytest.raises(ScenarioError, match="has no effect"):
-            load_scenario("elevator-loss", [key])
-
-
 def test_the_table_of_an_external_failure() -> None:
     with using({"mine": Still}):
         own = load_scenario("elevator-loss", ["failures.0={kind='mine', at_s=0.2}"])
@@ -616,6 +619,33 @@ def test_the_table_of_an_external_failure() -> None:
             load_scenario("elevator-loss", ["failures.0.kind=mine", "failures.0.over_s=3"])
         with pytest.raises(ScenarioError, match=r"failures\.0\.surface: the stock laws control aileron and rudder"):
             load_scenario("elevator-loss", ["failures.0.kind=mine", "failures.0.surface=rudder"])
+
+
+def test_the_table_of_an_external_command() -> None:
+    """The amplitude of every place comes as amplitude_deg_s."""
+    seen: list[CommandSettings] = []
+
+    def mine(settings: CommandSettings) -> Callable[[Any], Any]:
+        seen.append(settings)
+        return np.zeros_like
+
+    mines = [
+        "command={kind='mine', amplitude_g=2.0, options={a=3}}",
+        "lateral.sideslip={kind='mine', amplitude_deg=1.7}",
+    ]
+    with using({"mine": mine}):
+        own = load_scenario("nominal", ["lateral.enabled=true", *mines, "lateral.roll={kind='mine', count=7}"])
+        written = tomllib.loads(own.to_toml())
+        with pytest.raises(ScenarioError, match=r"command\.seed: 'mine' has no such key \('random' has it\)"):
+            load_scenario("nominal", [*mines, "command.seed=1"])
+        own.command.rate(), own.command.load_factor(), own.lateral.roll.rate(), own.lateral.sideslip.angle()
+    rest = {"start_s": 0.0, "period_s": 4.5, "count": 3, "filter_rad_s": 3.0}
+    in_pitch = {"kind": "mine", "amplitude_deg_s": 5.0, "amplitude_g": 2.0, **rest, "options": {"a": 3}}
+    assert written["command"] == in_pitch
+    assert written["lateral"]["sideslip"] == {"kind": "mine", "amplitude_deg": 1.7, **rest}
+    assert [s.model_dump()["amplitude_deg_s"] for s in seen] == [5.0, 2.0 / DEG, 5.0, 1.7]
+    assert command(own) == "mine, amplitude 2 g, a 3; prefilter 3 rad/s"
+    assert command(own, "lateral.roll") == "mine, count 7; prefilter 3 rad/s"
 
 
 class _SaysNan(LoopGain):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -9,11 +10,12 @@ import pytest
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.config import families
 from flightbed.control.base import Law
+from flightbed.core import data
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import AircraftError, DesignError, ScenarioError
 from flightbed.core.signals import Measurement
 from flightbed.core.units import DEG, FT
-from flightbed.flight.plan import plan
+from flightbed.flight.plan import bind, plan
 from flightbed.models.linear_aircraft import LinearAircraft
 from flightbed.models.trim import TrimPoint
 from flightbed.plant.base import Controls, Motion
@@ -78,6 +80,17 @@ def test_a_scenario_of_an_equal_overlay_is_accepted_with_a_note(f16: Aircraft) -
     )
     assert plan(found.scenario).notes == ()
     assert plan(load_scenario("nominal")).notes == ()
+
+
+def test_only_another_fingerprint_of_the_list_gives_a_note(tmp_path: Path, f16: Aircraft) -> None:
+    own = tmp_path / "own"
+    shutil.copytree(data.find("aircraft", "f16"), own)
+    text = (own / "aircraft.toml").read_text()
+    (own / "aircraft.toml").write_text(text.replace("equal_to = [", f'equal_to = ["{f16.sha256}", "{"0" * 64}", '))
+    for named, notes in ((f16.sha256, 0), ("", 0), ("0" * 64, 1), (f16.equal_to[0], 1)):
+        scenario = load_scenario("nominal", [f"aircraft.model={own}"]).with_aircraft(str(own), named)
+        bound, aircraft, found = bind(scenario)
+        assert (bound.aircraft.sha256, aircraft, len(found)) == (f16.sha256, f16, notes)
 
 
 @pytest.mark.parametrize("other", ["0" * 64, "184b8ab0"])

@@ -106,8 +106,8 @@ def _kind(name: str, *have: str) -> str:
         *(([ONLY_RLS, f"estimators.0.{key}=0.1"], f"estimators.0.{key}: {_kind('differentiated-rls', 'two-stage')}") for key in ("variance_min", "walk_std", "r_disturbance_deg_s2")),
         (["lateral.p_deg_s=5"], "lateral.p_deg_s: has no effect with lateral.enabled = false"),
         (["sensors.beta_std_deg=0.1"], "sensors.beta_std_deg: has no effect with lateral.enabled = false"),
-        (["lateral.enabled=true", "lateral.roll.amplitude_deg_s=5"], "lateral.roll.amplitude_deg_s: has no effect with lateral.roll.kind = 'none'"),
-        (["lateral.enabled=true", "lateral.sideslip.kind=constant", "lateral.sideslip.period_s=2"], "lateral.sideslip.period_s: has no effect with lateral.sideslip.kind = 'constant'"),
+        (["lateral.enabled=true", "lateral.roll.amplitude_deg_s=5"], "lateral.roll.amplitude_deg_s: 'none' has no such key ('3-2-1-1', 'chirp', 'constant', 'dither', 'doublet', 'multisine', 'pulse', 'random' have it); remove it"),
+        (["lateral.enabled=true", "lateral.sideslip.kind=constant", "lateral.sideslip.period_s=2"], "lateral.sideslip.period_s: 'constant' has no such key ('3-2-1-1', 'chirp', 'dither', 'doublet', 'multisine', 'pulse' have it); remove it"),
         (["failures.0.side=low"], "failures.0.side: 'effectiveness' has no such key ('hardover' has it); remove it"),
     ],
 )  # fmt: skip

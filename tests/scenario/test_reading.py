@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flightbed.config import families
+from flightbed.config.kinds import COMMANDS, ROLL_COMMANDS, SIDESLIP_COMMANDS
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, UnknownNameError
-from flightbed.scenario.checks import unused_keys
+from flightbed.core.units import DEG
 from flightbed.scenario.reading import Scenario, load_scenario
 
 FILE = "scenarios/elevator-loss.toml"
@@ -141,33 +142,69 @@ def test_each_problem_is_one_line_with_place_value_and_cure(override: str, messa
         ("random", "command.switch_s=0.005", f"{FILE}: command.switch_s: must be at least 0.01, so that each pulse lasts at least one tick (got 0.005)"),
         ("random", "command.register_bits=1", "--set command.register_bits: must be between 2 and 12 (got 1)"),
         ("random", "command.seed=-1", "--set command.seed: must be between 0 and 9223372036854775807 (got -1)"),
-        ("random", "command.period_s=3", "--set command.period_s: has no effect with command.kind = 'random'"),
-        ("random", "command.low_hz=1", "--set command.low_hz: has no effect with command.kind = 'random'"),
-        ("dither", "command.count=2", "--set command.count: has no effect with command.kind = 'dither'"),
-        ("chirp", "command.seed=2", "--set command.seed: has no effect with command.kind = 'chirp'"),
-        ("multisine", "command.switch_s=2", "--set command.switch_s: has no effect with command.kind = 'multisine'"),
-        ("3-2-1-1", "command.high_hz=2", "--set command.high_hz: has no effect with command.kind = '3-2-1-1'"),
-        ("doublet", "command.register_bits=5", "--set command.register_bits: has no effect with command.kind = 'doublet'"),
-        ("constant", "command.period_s=5", "--set command.period_s: has no effect with command.kind = 'constant'"),
-        ("none", "command.amplitude_deg_s=5", "--set command.amplitude_deg_s: has no effect with command.kind = 'none'"),
+        ("random", "command.period_s=3", "--set: command.period_s: 'random' has no such key ('3-2-1-1', 'chirp', 'dither', 'doublet', 'multisine', 'pulse' have it); remove it"),
+        ("random", "command.low_hz=1", "--set: command.low_hz: 'random' has no such key ('chirp', 'dither', 'multisine' have it); remove it"),
+        ("dither", "command.count=2", "--set: command.count: 'dither' has no such key ('3-2-1-1', 'chirp', 'doublet', 'multisine', 'random' have it); remove it"),
+        ("chirp", "command.seed=2", "--set: command.seed: 'chirp' has no such key ('random' has it); remove it"),
+        ("multisine", "command.switch_s=2", "--set: command.switch_s: 'multisine' has no such key ('random' has it); remove it"),
+        ("3-2-1-1", "command.high_hz=2", "--set: command.high_hz: '3-2-1-1' has no such key ('chirp', 'dither', 'multisine' have it); remove it"),
+        ("doublet", "command.register_bits=5", "--set: command.register_bits: 'doublet' has no such key ('random' has it); remove it"),
+        ("constant", "command.period_s=5", "--set: command.period_s: 'constant' has no such key ('3-2-1-1', 'chirp', 'dither', 'doublet', 'multisine', 'pulse' have it); remove it"),
+        ("none", "command.amplitude_deg_s=5", "--set: command.amplitude_deg_s: 'none' has no such key ('3-2-1-1', 'chirp', 'constant', 'dither', 'doublet', 'multisine', 'pulse', 'random' have it); remove it"),
     ],
 )  # fmt: skip
 def test_contradictory_commands_and_idle_keys_of_commands_are_errors(kind: str, override: str, message: str) -> None:
     with pytest.raises(ScenarioError) as caught:
-        load_scenario("elevator-loss", [f"command.kind={kind}", override])
+        load_scenario("elevator-loss", [f"command={{kind='{kind}'}}", override])
     assert str(caught.value) == message
 
 
 def test_every_key_of_a_command_is_either_used_or_an_error() -> None:
-    """A key changes the sampled command exactly if --set accepts it."""
+    """Each key of a kind changes its sampled command; --set accepts no other."""
     t = np.arange(4000) / 100
     changes = {"amplitude_deg_s": 1.5, "period_s": 7.7, "count": 2, "start_s": 1.3, "low_hz": 0.6, "high_hz": 1.1, "switch_s": 0.4, "register_bits": 5, "seed": 3}  # fmt: skip
     for kind in families.names("commands"):
-        settings = load_scenario("elevator-loss", [f"command.kind={kind}"])
-        make, plain = families.factory("commands", kind), settings.command
+        plain = load_scenario("elevator-loss", [f"command={{kind='{kind}'}}"]).command
         for key, value in changes.items():
-            differs = not np.array_equal(make(plain.model_copy(update={key: value}))(t), make(plain)(t))
-            assert differs != (f"command.{key}" in unused_keys(settings)), (kind, key)
+            override = [f"command={{kind='{kind}'}}", f"command.{key}={value}"]
+            if key not in type(plain).model_fields:
+                with pytest.raises(ScenarioError, match=f"command.{key}: '{kind}' has no such key"):
+                    load_scenario("elevator-loss", override)
+                continue
+            changed = load_scenario("elevator-loss", override).command
+            assert not np.array_equal(changed.rate()(t), plain.rate()(t)), (kind, key)
+
+
+def test_each_command_has_the_amplitudes_of_its_place() -> None:
+    """A load factor of 1 g and a rate of 1 rad/s are the same number; so are angle and rate in the same unit."""
+    t = np.arange(400) / 100
+    for kind in families.names("commands"):
+        table = {"kind": kind} if kind == "none" else {"kind": kind, "amplitude_deg_s": 7.0}
+        in_g = COMMANDS.make(kind=kind)
+        pitch, roll = COMMANDS.make(**table), ROLL_COMMANDS.make(**table)
+        sideslip = SIDESLIP_COMMANDS.make(
+            **({"kind": kind} if kind == "none" else {"kind": kind, "amplitude_deg": 7.0})
+        )
+        assert np.array_equal(pitch.rate()(t), roll.rate()(t))
+        assert np.array_equal(pitch.rate()(t), sideslip.angle()(t))
+        np.testing.assert_allclose(7.0 * DEG * in_g.load_factor()(t), pitch.rate()(t), rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "key", ["command.amplitude_deg", "lateral.roll.amplitude_g", "lateral.sideslip.amplitude_deg_s"]
+)
+def test_an_amplitude_of_another_place_is_an_unknown_key(key: str) -> None:
+    place, _, amplitude = key.rpartition(".")
+    sets = ["lateral.enabled=true", f"{place}={{kind='doublet'}}"]
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("nominal", [*sets, f"{key}=1"])
+    (problem,) = caught.value.problems
+    assert problem.startswith(f"--set: unknown key {key}; did you mean amplitude_")
+    table = tomllib.loads(load_scenario("nominal", sets).to_toml())
+    for part in place.split("."):
+        table = table[part]
+    assert table["kind"] == "doublet"
+    assert amplitude not in table
 
 
 def test_dither_has_a_small_default_amplitude() -> None:

@@ -75,6 +75,11 @@ WINDOW, EXPANDING = "window", "expanding"
 FAST = "window-smoothed-07"  # the window, smoothed by 0.7 instead of 0.9
 
 
+def changed(table: Mapping[str, Any], keys: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a table with other keys; keys with a kind replace the whole table, because each kind has its own keys."""
+    return keys if "kind" in keys else {**table, **keys}
+
+
 def thesis(
     *,
     left: float | None = 0.2,
@@ -96,7 +101,8 @@ def thesis(
         noise: standard deviations of the readings of alpha, deg, and pitch rate, deg/s.
         estimators: settings of the estimators; if empty, the thesis's two filters, unbounded.
         setup: choices that the thesis leaves open.
-        tables: further tables of the scenario; keys of a table replace those of ``thesis-loss``, a list replaces the whole list.
+        tables: further tables of the scenario; keys of a table replace those of ``thesis-loss``, a list or a table with a kind replaces
+            the whole.
 
     """
     given = list(estimators) or [estimator(WINDOW, "window", setup), estimator(EXPANDING, "expanding", setup)]
@@ -113,7 +119,7 @@ def thesis(
         "adaptation": {"enabled": bool(adapts), "estimator": adapts},
     }
     for table, keys in (*settings.items(), *tables.items()):
-        raw[table] = {**raw.get(table, {}), **keys} if isinstance(keys, Mapping) else keys
+        raw[table] = changed(raw.get(table, {}), keys) if isinstance(keys, Mapping) else keys
     return load_scenario({**raw, "estimators": given})
 
 
