@@ -139,10 +139,7 @@ class Family:
 
 
 class _Generator(GenerateJsonSchema):
-    ignored_warning_kinds: ClassVar[set[Any]] = {
-        "skipped-choice",
-        "non-serializable-default",
-    }  # empty options of own code
+    ignored_warning_kinds = {"skipped-choice", "non-serializable-default"}  # noqa: RUF012  # empty options of own code
 
 
 def json_schema(table: type[Settings]) -> JsonSchemaValue:
