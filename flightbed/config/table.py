@@ -98,9 +98,25 @@ def _holds(value: Any, wanted: Any) -> bool:
 
 
 def description_of(table: type[BaseModel], name: str) -> str | None:
-    """Return the description of a field: its own, or that of the class from which it is derived."""
+    """Return the description of a field in one line: its own, or that of the class from which it is derived."""
     fields = (base.model_fields.get(name) for base in table.__mro__ if issubclass(base, BaseModel))
-    return next((field.description for field in fields if field is not None and field.description), None)
+    found = next((field.description for field in fields if field is not None and field.description), None)
+    return None if found is None else " ".join(found.split()).replace("``", "`")
+
+
+def condition_of(field: FieldInfo) -> str:
+    """Return the conditions under which a key has an effect, as in 'memory = "window"'; empty if it always has one."""
+    conditions = (item.conditions for item in field.metadata if isinstance(item, OnlyWith))
+    return " and ".join(_in_words(key, wanted) for each in conditions for key, wanted in each.items())
+
+
+def _in_words(key: str, wanted: Any) -> str:
+    if isinstance(wanted, Above):
+        return f"{key} above {wanted.limit:g}"
+    if wanted is None:
+        return f"{key} absent"
+    values = wanted if isinstance(wanted, tuple) else (wanted,)
+    return f"{key} = {' or '.join(json.dumps(value) for value in values)}"
 
 
 def _rules(table: type[BaseModel], name: str, field: FieldInfo) -> Iterator[dict[str, Any]]:

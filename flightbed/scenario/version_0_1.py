@@ -31,6 +31,7 @@ _DEFAULTS: Mapping[str, Any] = MappingProxyType(
         },
         "lateral": {
             "roll": {
+                "kind": "none",
                 "period_s": 4.5,
                 "count": 3,
                 "start_s": 0.0,
@@ -43,6 +44,7 @@ _DEFAULTS: Mapping[str, Any] = MappingProxyType(
                 "amplitude_deg_s": 5.0,
             },
             "sideslip": {
+                "kind": "none",
                 "period_s": 4.5,
                 "count": 3,
                 "start_s": 0.0,
