@@ -191,7 +191,7 @@ def _acting(raw: Mapping[str, Any]) -> tuple[Mapping[str, Any], Collection[str]]
         scenario = load_scenario(raw)
     except FlightbedError:
         return raw, ()
-    return scenario.to_dict(), scenario.idle_keys()
+    return scenario.settings(), scenario.idle_keys()
 
 
 def _flat(value: Any, prefix: str = "") -> dict[str, Any]:

@@ -138,6 +138,10 @@ class PlainCommand(OwnSettings, ShapedCommand):
         """Return the command over time."""
         return self._made(amplitude_rad_s / DEG)
 
+    def idle(self, place: str, surroundings: Surroundings) -> dict[str, str]:  # noqa: ARG002
+        """Return nothing: which keys the code reads is not known."""
+        return {}
+
     def _made(self, amplitude_deg_s: float) -> Any:
         given = self.model_copy(update={"amplitude_deg_s": amplitude_deg_s})
         return families.factory("commands", self.kind)(given)

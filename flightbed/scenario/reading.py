@@ -146,8 +146,9 @@ class _Read:
             idle = self.scenario.idle_keys()
         except ValidationError as error:
             self.error, idle = error, _foreign(error)
-        keys = dict.fromkeys([*given_keys(raw), *idle])
-        self.without_effect = {key: idle[key] for key in keys if key in idle and _is_given(raw, key)}
+        tables = idle if self.error else ()  # a table that the kind does not have is one key
+        keys = dict.fromkeys([*given_keys(raw), *tables])
+        self.without_effect = {key: idle[key] for key in keys if key in idle}
 
 
 def _settled(
@@ -200,11 +201,6 @@ def _without(raw: Mapping[str, Any], keys: Iterable[str]) -> Mapping[str, Any]:
     for key in keys:
         raw = without(raw, key.split("."))
     return raw
-
-
-def _is_given(raw: Mapping[str, Any], key: str) -> bool:
-    value = value_at(raw, key.split("."))
-    return value is not None and not (isinstance(value, Mapping) and not value)
 
 
 def _foreign(error: ValidationError) -> dict[str, str]:

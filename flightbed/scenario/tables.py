@@ -288,13 +288,21 @@ class Scenario(Settings):
             keys |= {f"sensors.{key}": "lateral.enabled = false" for key in _LATERAL_SENSORS}
         return keys
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the scenario as plain nested values, with every key that has an effect."""
+    def settings(self) -> dict[str, Any]:
+        """Return the scenario as plain nested values, without the keys that another key leaves without effect."""
         whole: dict[str, Any] = self.model_dump(mode="json", by_alias=True, exclude_none=True)
         idle = self.idle_keys()
         return {
             key: inner for key, value in whole.items() if key not in idle and (inner := _acting(value, idle, key)) != {}
         }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scenario as plain nested values, with every key that has an effect.
+
+        Lists without entries, and errors of the model and process noise of zero, are left out.
+        """
+        off = {name for name in ("model_error", "process_noise") if getattr(self, name) == type(getattr(self, name))()}
+        return {key: value for key, value in self.settings().items() if value != [] and key not in off}
 
     def to_toml(self) -> str:
         """Return the scenario as TOML text, with every key that has an effect."""

@@ -28,7 +28,7 @@ from flightbed.analysis.summary_text import command
 from flightbed.avionics.onboard import OnBoard
 from flightbed.cli import main as cli
 from flightbed.config import families
-from flightbed.config.kinds import CommandSettings, EstimatorSettings, PlainEstimator
+from flightbed.config.kinds import CommandSettings, EstimatorSettings, PlainCommand, PlainEstimator
 from flightbed.config.options import Options
 from flightbed.config.own_code import load, names_without_option, use_options, using
 from flightbed.config.table import between, only_with
@@ -493,10 +493,12 @@ def test_set_reaches_options_in_every_table() -> None:
 
 
 def test_empty_options_are_not_written() -> None:
-    scenario = load_scenario("elevator-loss")
-    assert "options" not in scenario.to_toml()
-    assert scenario.command.options == Options() == {}
-    assert load_scenario(tomllib.loads(scenario.to_toml())) == scenario
+    with using({"mine": Still}):
+        scenario = load_scenario("elevator-loss", ["command={kind='mine'}"])
+        assert "options" not in scenario.to_toml()
+        assert isinstance(scenario.command, PlainCommand)
+        assert scenario.command.options == Options() == {}
+        assert load_scenario(tomllib.loads(scenario.to_toml())) == scenario
 
 
 @pytest.mark.parametrize(

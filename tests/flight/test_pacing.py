@@ -22,9 +22,9 @@ from flightbed.analysis.punctuality import Spell, late_spells, punctuality, with
 from flightbed.analysis.summary_text import pace_text, run_text
 from flightbed.analysis.trace import Trace, read_trace
 from flightbed.config import families
+from flightbed.config.kinds import ESTIMATORS
 from flightbed.flight.pacing import Timing, WallClock, paced
 from flightbed.runs.run import run
-from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.reading import load_scenario
 from tests.command_line import flightbed
 
@@ -269,7 +269,7 @@ def test_the_command_line_prints_the_real_time_performance(tmp_path: Path) -> No
     assert "real time" not in flightbed(*(a for a in short if a != "--realtime"), cwd=tmp_path).stdout
 
 
-GUSTS = [(kind, ',unknown="gust"') for kind in reconstruction_checks.KINDS]
+GUSTS = [(kind, ',unknown="gust"') for kind in ESTIMATORS.have(("unknown",))]
 
 
 @pytest.mark.parametrize(("kind", "more"), [*((kind, "") for kind in families.names("estimators")), *GUSTS])

@@ -12,7 +12,6 @@ from flightbed.config.own_code import using
 from flightbed.core.errors import ScenarioError
 from flightbed.core.units import DEG
 from flightbed.runs.run import run
-from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.own_code import named_extensions
 from flightbed.scenario.reading import load_scenario
 from tests.lateral_flight import rolling
@@ -43,7 +42,7 @@ RLS = "estimators.1={name='expanding', kind='differentiated-rls', model='short-p
         (["estimators.1.prior.state=measurement", "estimators.1.prior.first_reading=used"], ["--set estimators.1.prior.first_reading: has no effect with estimators.1.prior.state = 'measurement'"]),
         ([RLS, "estimators.1.input_at=start"], ["--set: estimators.1.input_at: 'differentiated-rls' has no such key ('loop-gain' has it); remove it"]),
         ([RLS, "estimators.1.prior.first_reading=used"], ["--set: estimators.1.prior.first_reading: 'differentiated-rls' has no such key ('loop-gain' has it); remove it"]),
-        ([RLS, "estimators.1.options.x=1"], ["--set: unknown key estimators.1.options; did you mean prior?"]),
+        ([RLS, "estimators.1.options.x=1"], ["--set: estimators.1.options: 'differentiated-rls' has no such key (own code has it); remove it"]),
         ([RLS, "estimators.1.widnow=1"], ["--set: unknown key estimators.1.widnow; 'differentiated-rls' has: name, kind, model, smoothing, bounds, forgetting, prior"]),
     ],
 )  # fmt: skip
@@ -62,11 +61,11 @@ def test_the_error_names_a_missing_gain() -> None:
 def test_the_same_keys_are_accepted_where_they_have_an_effect() -> None:
     sets = ["control.law=proportional-integral", "control.gains.integral=-3", "control.state_from=expanding"]
     sets += ["estimators.0.input_at=start", "estimators.0.prior.first_reading=used", "process_noise.q_std_deg_s2=1"]
-    idle = unused_keys(load_scenario("thesis-loss", sets))
+    idle = load_scenario("thesis-loss", sets).idle_keys()
     assert not {text.partition("=")[0] for text in sets} & set(idle)
     assert "control.integral_pole_rad_s" in idle
-    assert "control.integral_pole_rad_s" not in unused_keys(
-        load_scenario("nominal", ["control.law=proportional-integral"])
+    assert (
+        "control.integral_pole_rad_s" not in load_scenario("nominal", ["control.law=proportional-integral"]).idle_keys()
     )
 
 
@@ -138,10 +137,10 @@ def test_the_keys_of_the_two_stage_filter_are_accepted_where_they_have_an_effect
         "prior.effectiveness_std",
     )
     sets = [f"estimators.0.{key}={3 if key == 'window' else 0.1}" for key in keys if key != "variance_max"]
-    idle = unused_keys(rolling(sets))
+    idle = rolling(sets).idle_keys()
     assert not {f"estimators.0.{key}" for key in keys} & set(idle)
     faded = rolling(["estimators.0.memory=fading", "estimators.0.forgetting=0.95"])
-    assert "estimators.0.forgetting" not in unused_keys(faded)
+    assert "estimators.0.forgetting" not in faded.idle_keys()
 
 
 def test_external_roll_and_sideslip_commands_are_listed_only_with_lateral_axes() -> None:

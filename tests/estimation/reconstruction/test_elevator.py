@@ -24,7 +24,6 @@ from flightbed.flight.computer import rows_of
 from flightbed.flight.loop import fly
 from flightbed.flight.plan import plan
 from flightbed.runs.run import run
-from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.reading import load_scenario
 from flightbed.scenario.tables import Scenario
 from tests.lateral_flight import rolling
@@ -349,7 +348,7 @@ def test_its_keys_are_welcome_where_they_act() -> None:
             for key in own
         ]
         sets = [text.replace("forgetting=0.5", "forgetting=0.9") for text in sets]
-        idle = unused_keys(load_scenario("elevator-loss", ["adaptation.enabled=false", table, *sets]))
+        idle = load_scenario("elevator-loss", ["adaptation.enabled=false", table, *sets]).idle_keys()
         assert not {f"estimators.0.{key}" for key in own} & set(idle)
 
 
