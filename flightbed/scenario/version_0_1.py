@@ -92,6 +92,7 @@ _DEFAULTS: Mapping[str, Any] = MappingProxyType(
         },
         "control": {
             "integral_pole_rad_s": -0.5,
+            "gains": {"integral": 0.0},
             "weights": {"alpha_deg": 3.0, "q_deg_s": 3.0, "elevator_deg": 3.0},
             "identification": {
                 "prior": "linearization",
