@@ -120,7 +120,7 @@ class Family:
         names = families.built_in(self.name)
         kinds = [self._schema_of(kind) for kind in names]
         other = {
-            "title": "installed kind or own code",
+            _TITLE: "installed kind or own code",
             "description": "A kind of an installed package, or own code: module:Attribute or path/to/file.py:Attribute.",
             "type": "object",
             "properties": {self.key: {"type": "string", "description": "Its name.", "not": {"enum": list(names)}}},
@@ -130,12 +130,15 @@ class Family:
 
     def _schema_of(self, kind: str) -> JsonSchemaValue:
         schema = json_schema(self.of(kind))
-        schema["title"] = kind
+        schema[_TITLE] = kind
         schema["properties"] = {k: v for k, v in schema["properties"].items() if k not in self.without}
         schema["properties"][self.key] = {"const": kind, "description": description_of(self.base, self.key)}
         if kind != self.default:
             schema["required"] = [self.key, *schema.get("required", [])]
         return schema
+
+
+_TITLE = "x-title"  # a title to keep; those that pydantic makes of names are removed
 
 
 class _Generator(GenerateJsonSchema):
@@ -163,7 +166,7 @@ def json_schema(table: type[Settings]) -> JsonSchemaValue:
         if choices:
             node = {**_one_of(choices), **{key: value for key, value in node.items() if key != "anyOf"}}
         kept = {
-            key: value
+            "title" if key == _TITLE else key: value
             for key, value in node.items()
             if key != "$defs" and not (key == "title" and isinstance(value, str))
         }
