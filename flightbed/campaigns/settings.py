@@ -10,6 +10,7 @@ import tomli_w
 from flightbed.config.table import (
     CoreSchema,
     Field,
+    FormatVersion,
     GetJsonSchemaHandler,
     Identifier,
     OptionValue,
@@ -180,7 +181,7 @@ class Histories(Settings):
 class CampaignSettings(Settings):
     """A campaign: base scenario, varied keys, flights per point, pass criteria."""
 
-    schema_version: Literal[1] = Field(alias="schema")
+    schema_version: FormatVersion = Field(alias="schema")
     """Version of the file's format."""
     name: Identifier
     """Name of the campaign, and of its default folder: letters, digits, - and _."""

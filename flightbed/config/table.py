@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     ConfigDict,
     GetCoreSchemaHandler,
     GetPydanticSchema,
@@ -202,6 +203,12 @@ def registered(family: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+def _number(value: Any) -> Any:
+    if isinstance(value, bool):  # equal to 1 in Python
+        raise PydanticCustomError("version", "must be 1")
+    return value
+
+
 def _option(value: Any) -> Any:
     if not is_option(value):
         text = "must be text, a finite number, true or false, or a list of these"
@@ -221,6 +228,7 @@ NonNegative = Annotated[float, between(0, 1000000)]
 Share = Annotated[float, between(0, 1)]
 OptionValue = Annotated[Any, AfterValidator(_option)]
 OwnOptions = Annotated[Options, GetPydanticSchema(_options)]
+FormatVersion = Annotated[Literal[1], BeforeValidator(_number)]
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 
 
