@@ -241,6 +241,15 @@ def _word(value: Any) -> str:
     return "-" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
+def different_sources(runs: Sequence[Run]) -> str | None:
+    """Return a sentence on the sources that flew, if they differ between runs; None if all are the same, or none is known."""
+    found = {run.label: run.summary.source_sha256 for run in runs}
+    if len(set(found.values())) < 2:
+        return None
+    named = ", ".join(f"{label} {'not recorded' if sha256 is None else sha256[:12]}" for label, sha256 in found.items())
+    return f"Flown by different sources of flightbed (SHA-256: {named})."
+
+
 def metrics_table(runs: Sequence[Run]) -> Table:
     """Return the metrics of all runs, with differences from the first."""
     rows: list[list[Cell]] = [["outcome", *(run.outcome for run in runs)]]

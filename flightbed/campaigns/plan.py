@@ -19,7 +19,9 @@ import numpy as np
 from flightbed.campaigns.settings import AxisSettings, CampaignSettings
 from flightbed.config.overrides import replace_at, setting
 from flightbed.config.own_code import Extension
+from flightbed.core.sources import source_sha256
 from flightbed.core.versions import versions
+from flightbed.scenario.own_code import named_plug_ins
 from flightbed.scenario.reading import Reading, settle
 from flightbed.scenario.tables import Scenario
 
@@ -129,7 +131,7 @@ class Programme:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of everything that determines the table: scenario, axes, criteria, runs, seed, aircraft, versions, own code."""
+        """SHA-256 of all that determines the table: scenario, axes, criteria, runs, seed, aircraft, versions, sources, own code."""
         return _sha256(
             {
                 "scenario": self.raw,
@@ -137,9 +139,22 @@ class Programme:
                 "runs": self.runs,
                 "aircraft": self.aircraft,
                 "versions": dict(versions()),
-                "extensions": {e.name: e.sha256 for e in self.extensions},
+                **self.sources,
             }
         )
+
+    @property
+    def sources(self) -> Mapping[str, Any]:
+        """Hashes of the sources that fly: of flightbed, of own code, of the kinds of installed packages."""
+        return _sources(self.scenario, self.extensions)
+
+
+def _sources(scenario: Scenario, extensions: Sequence[Extension]) -> Mapping[str, Any]:
+    return {
+        "source_sha256": source_sha256(),
+        "extensions": {extension.name: extension.identity for extension in extensions},
+        "plug_ins": named_plug_ins(scenario),
+    }
 
 
 def scenario_of(raw: Mapping[str, Any], flight: Flight) -> Scenario:
@@ -160,16 +175,14 @@ def with_values(raw: Mapping[str, Any], values: Values, place: str) -> Mapping[s
 
 
 def flight_hash(scenario: Scenario, extensions: Sequence[Extension]) -> str:
-    """Return the SHA-256 of everything that determines a flight: complete scenario with aircraft and seed, versions, own code.
+    """Return the SHA-256 of everything that determines a flight: complete scenario with aircraft and seed, versions, sources, own code.
 
     Name, description and the path of the aircraft are left out; the aircraft's fingerprint is part of the scenario.
     """
     decides = scenario.model_dump(
         mode="json", by_alias=True, exclude={"name": True, "description": True, "aircraft": {"model"}}
     )
-    return _sha256(
-        {"scenario": decides, "versions": dict(versions()), "extensions": {e.name: e.sha256 for e in extensions}}
-    )  # fmt: skip
+    return _sha256({"scenario": decides, "versions": dict(versions()), **_sources(scenario, extensions)})
 
 
 def _sha256(values: Mapping[str, Any]) -> str:

@@ -122,6 +122,13 @@ def is_taken(family: str, name: str) -> bool:
     return name in _BUILT_IN[family] or name in _installed(family)
 
 
+def installed_module(family: str, name: str) -> str | None:
+    """Return the module of a factory that an installed package registers; None for other names."""
+    if is_built_in(family, name) or name not in _installed(family):
+        return None
+    return str(_installed(family)[name].module)
+
+
 def in_use() -> Mapping[str, Permitted]:
     """Return the external code that is permitted in this thread, by name."""
     return _PERMITTED.get()

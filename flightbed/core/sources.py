@@ -80,20 +80,36 @@ def _of_flightbed(path: Path) -> tuple[Path, ...]:
     return tuple(file for name in names if name.startswith("flightbed.") for file in _files(PACKAGE.parent, name))
 
 
-def own_closure(start: Path, roots: Iterable[Path], *, only: str | None = None) -> frozenset[Path]:
+def imports_sha256(start: Path, source: bytes, roots: Iterable[Path], *, only: str | None = None) -> Mapping[str, str]:
+    """Return the files of ``own_closure`` without the first, by their paths below its folders -> SHA-256 of their sources.
+
+    A file counts as it was when this process first read it: an imported module stays as it is, too.
+    """
+    folders = [root.resolve() for root in roots]
+    found = {}
+    for path in sorted(own_closure(start, source, folders, only=only) - {start.resolve()}):
+        below = next(
+            (folder for folder in (*folders, *start.resolve().parents) if path.is_relative_to(folder)), path.parent
+        )
+        found[path.relative_to(below).as_posix()] = hashlib.sha256(_read(path)).hexdigest()
+    return found
+
+
+def own_closure(start: Path, source: bytes, roots: Iterable[Path], *, only: str | None = None) -> frozenset[Path]:
     """Return a file from outside flightbed and the files that it imports from its own folders, directly or through others.
 
     Args:
         start: the file.
+        source: its content.
         roots: folders in which absolute imports are looked up, the first that has the module.
         only: name of the only top-level module or package that counts, for a folder with many others; None: all.
 
     """
-    folders = [root.resolve() for root in roots]
+    folders, first = [root.resolve() for root in roots], start.resolve()
 
     def below(path: Path) -> Iterator[Path]:
         try:
-            found = list(imports(_read(path).decode()))
+            found = list(imports((source if path == first else _read(path)).decode()))
         except (SyntaxError, ValueError):  # of another Python version, or no text: its imports are not known
             return
         for name, level in found:
@@ -103,7 +119,7 @@ def own_closure(start: Path, roots: Iterable[Path], *, only: str | None = None) 
             elif top != PACKAGE.name and only in (None, top):
                 yield from next(filter(None, (list(_files(folder, name)) for folder in folders)), [])
 
-    return _reached([start.resolve()], below)
+    return _reached([first], below)
 
 
 def _reached(starts: Iterable[Path], below: Callable[[Path], Iterable[Path]]) -> frozenset[Path]:
@@ -150,7 +166,6 @@ def _files(root: Path, name: str) -> Iterator[Path]:
             yield found
 
 
-@cache
 def _file(root: Path, name: str) -> Path | None:
     """Return the file of a module in a folder; None where there is none."""
     place = root.joinpath(*name.split(".")) if name else root

@@ -15,6 +15,7 @@ from flightbed.control.load_factor.design import LoadFactorDesign, LoadFactorLaw
 from flightbed.control.stability_margins import Margins, pitch_margins
 from flightbed.core.actuator import Actuator
 from flightbed.core.errors import AircraftError, DesignError, NoTrimError, ScenarioError
+from flightbed.core.sources import SourcesChangedError, closure_sha256
 from flightbed.core.units import DEG, FT
 from flightbed.models.envelope import pitch_point, pitch_points
 from flightbed.models.linear_aircraft import LinearAircraft, load_flyable
@@ -89,7 +90,8 @@ def plan(scenario: Scenario) -> Plan:
             )
         if any(estimator.needs_schedule for estimator in scenario.estimators):
             shift = repr(scenario.aircraft.cg_shift_cbar)
-            fingerprint = (aircraft.sha256, shift, version("jsbsim"), version("flightbed"))
+            sources = _tabulating_sources()
+            fingerprint = None if sources is None else (aircraft.sha256, shift, version("jsbsim"), sources)
             schedule = load_schedule(
                 airframe,
                 throttle=point.throttle_norm,
@@ -139,6 +141,14 @@ def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:
         corrected=adaptation.enabled and not redesign,
         effective=adaptation.enabled and not redesign and adaptation.feedback == "effective",
     )
+
+
+def _tabulating_sources() -> str | None:
+    """Return the digest of the sources that tabulate a schedule; None if it is not known: then nothing is cached."""
+    try:
+        return closure_sha256("flightbed.models.tabulate", "flightbed.plant.airframe")
+    except (OSError, SourcesChangedError):
+        return None
 
 
 def law_of(scenario: Scenario, design: ShortPeriod) -> Law:

@@ -77,7 +77,7 @@ def build_schedule(airframe: Airframe, *, throttle: float) -> Schedule:
 
 
 def load_schedule(
-    airframe: Airframe, *, throttle: float, fingerprint: Sequence[str], standard: Callable[[], Airframe]
+    airframe: Airframe, *, throttle: float, fingerprint: Sequence[str] | None, standard: Callable[[], Airframe]
 ) -> Schedule:
     """Build a schedule, or read its tables from the cache; the thrust is always computed.
 
@@ -90,9 +90,11 @@ def load_schedule(
         airframe: airframe of the flight, for the thrust.
         throttle: throttle setting of the flight.
         standard: creates the airframe at the standard condition if the cache has no tables.
-        fingerprint: everything that determines the tables: hash of the aircraft, c.g. shift, versions.
+        fingerprint: everything that determines the tables: hash of the aircraft, c.g. shift, versions, sources; None: no cache.
 
     """
+    if fingerprint is None:
+        return with_throttle(build_schedule(standard(), throttle=0.0), airframe, throttle)
     key = hashlib.sha256("\n".join([str(_FORMAT), *fingerprint]).encode()).hexdigest()[:32]
     name = f"schedule-{key}.npz"
     try:

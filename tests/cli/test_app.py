@@ -82,7 +82,7 @@ def test_help_explains_every_argument_and_fits_80_columns(command: str, tmp_path
     assert [argument.name for argument in shown if not argument.parameter.help] == []
     done = flightbed(command, "--help", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith(f"Usage: flightbed {command} ")
+    assert done.stdout.startswith(f"Usage: flightbed {command}")
     assert max(map(len, done.stdout.splitlines())) <= 80
     for argument in shown:
         assert argument.names[0] in done.stdout

@@ -121,7 +121,7 @@ def test_permitted_code_flies_and_the_run_lists_it(here: Path, monkeypatch: pyte
     sha256 = hashlib.sha256(FILTER.encode()).hexdigest()
     assert f"own code  own_filter:Fixed (sha256 {sha256[:12]})" in done.stdout
     stored = json.loads((here / "x" / "metrics.json").read_text())
-    assert stored["extensions"] == [{"name": "own_filter:Fixed", "sha256": sha256}]
+    assert stored["extensions"] == [{"name": "own_filter:Fixed", "sha256": sha256, "imports": {}}]
     assert stored["estimators"]["scheduled"]["final"] == 0.7
     resolved = tomllib.loads((here / "x" / "scenario.toml").read_text())
     assert resolved["estimators"][0]["kind"] == "own_filter:Fixed"

@@ -62,7 +62,9 @@ def test_the_imports_of_own_code_from_its_own_folder(tmp_path: Path) -> None:
     start = package / "filter.py"
 
     def found(*roots: Path, only: str | None = None) -> set[str]:
-        return {path.relative_to(tmp_path).as_posix() for path in own_closure(start, roots, only=only)}
+        return {
+            path.relative_to(tmp_path).as_posix() for path in own_closure(start, start.read_bytes(), roots, only=only)
+        }
 
     mine = {
         "mine/filter.py",
