@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
-from rich.text import Text
+from rich.markup import escape
 
 from flightbed.cli.app import app
 from flightbed.cli.screen import print_lines
@@ -100,4 +100,4 @@ def install_completion(
         raise InputError(
             f"--install-completion: {error.strerror}: {error.filename}; name a file with --output"
         ) from None
-    print_lines([Text(f"completion for {shell} is in {path}; it works in the next shell")])
+    print_lines([escape(f"completion for {shell} is in {path}; it works in the next shell")])

@@ -33,7 +33,7 @@ def keys(pattern: str | None = None, /) -> None:
 
 def _searched(key: Key) -> str:
     """Return the text in which a pattern is searched."""
-    return " ".join((key.path, *key.kinds, key.description)).lower()
+    return " ".join((key.path, *key.kinds, key.values, key.description)).lower()
 
 
 def _lines(key: Key) -> Iterator[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.text import Text
+from rich.markup import escape
 
 from flightbed.cli.screen import print_lines
 
@@ -39,6 +39,6 @@ def upgrade(file: Path, /) -> None:
         parse_toml(text, str(file))  # before the file is replaced
         if dropped:
             write_atomic(file, text.encode(), option="upgrade")
-    print_lines(Text(f"{file}: {key} = {value} removed: no effect with {why}") for key, value, why in dropped)
+    print_lines(escape(f"{file}: {key} = {value} removed: no effect with {why}") for key, value, why in dropped)
     if not dropped:
-        print_lines([Text(f"{file}: nothing to change")])
+        print_lines([escape(f"{file}: nothing to change")])

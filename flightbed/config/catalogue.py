@@ -70,7 +70,8 @@ def _keys(
             for kind in names:
                 yield from _keys(family.of(kind), f"{path}.", (kind,), family.without | {family.key})
         elif (table := inner_table(field)) is not None:
-            yield from _keys(table, f"{path}.", kinds)
+            only = f"a table {name}" if field.default is None else ""
+            yield from (replace(key, condition=key.condition or only) for key in _keys(table, f"{path}.", kinds))
         elif name != "options":
             yield _key(model, name, path, kinds)
 
