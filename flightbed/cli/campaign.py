@@ -14,6 +14,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from flightbed.cli.app import Flag, Scheduler, Set, Use, Workers, print_error
+from flightbed.cli.completion import FlightsName
 from flightbed.cli.screen import print_json, print_lines, progress_bar, table, without_intervals
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _POINTS = 20  # most points of a campaign with a table on a terminal
 
 
 def campaign(
-    file: str,
+    file: FlightsName,
     /,
     *,
     runs: int | None = None,

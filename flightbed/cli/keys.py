@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from rich.console import RenderableType
-from rich.text import Text
+from rich.markup import escape
 
 from flightbed.cli.screen import print_lines
 from flightbed.core.errors import InputError
@@ -34,13 +33,14 @@ def keys(pattern: str | None = None, /) -> None:
 
 def _searched(key: Key) -> str:
     """Return the text in which a pattern is searched."""
-    return " ".join((key.path, *key.kinds, key.description)).lower()
+    return " ".join((key.path, *key.kinds, key.values, key.description)).lower()
 
 
-def _lines(key: Key) -> Iterator[RenderableType]:
+def _lines(key: Key) -> Iterator[str]:
     """Yield the line of a key and its description."""
     default = "required" if key.required else f"default {key.default}" if key.default else "no default"
     unit = "" if not key.unit else f" {key.unit}"
-    yield Text.assemble((key.path, "bold"), f"  {key.values}{unit}; {default}")
+    only = f" Only with {key.condition}." if key.condition else ""
     kinds = f" ({', '.join(key.kinds)})" if key.kinds else ""
-    yield Text(f"    {key.description}{kinds}")
+    yield f"[bold]{key.path}[/bold]  {escape(f'{key.values}{unit}; {default}')}"
+    yield escape(f"    {key.description}{only}{kinds}")

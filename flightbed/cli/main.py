@@ -12,6 +12,7 @@ from flightbed.cli.campaign import campaign
 from flightbed.cli.compare import compare
 from flightbed.cli.compile import compile_
 from flightbed.cli.compiling import announcer
+from flightbed.cli.completion import install_completion
 from flightbed.cli.keys import keys
 from flightbed.cli.linearize import linearize
 from flightbed.cli.list import list_
@@ -36,6 +37,7 @@ app.command(list_, name="list", usage="Usage: flightbed list [FAMILY]")
 app.command(keys, usage="Usage: flightbed keys [PATTERN]")
 app.command(new)
 app.command(upgrade)
+app.command(install_completion, name="--install-completion")
 app.command(schema, usage="Usage: flightbed schema [FILE]")
 
 

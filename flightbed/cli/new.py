@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.text import Text
+from rich.markup import escape
 
 from flightbed.cli.screen import print_lines
 from flightbed.core.errors import InputError
@@ -40,4 +40,4 @@ def new(
         raise InputError(f"-o {path}: exists; give another file")
     text = template(name, kind or (), (data.shipped("scenario") / "schema" / "scenario.json").as_uri())
     write_atomic(path, text.encode())
-    print_lines([Text(f"written to {path}; fly it: flightbed run {path}")])
+    print_lines([escape(f"written to {path}; fly it: flightbed run {path}")])

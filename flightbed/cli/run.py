@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from flightbed.cli.app import Flag, Set, Use, print_error
+from flightbed.cli.completion import ScenarioName
 from flightbed.cli.screen import print_json, print_lines, table
 from flightbed.core.errors import InputError
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    scenario: str,
+    scenario: ScenarioName,
     /,
     *,
     out: Path | None = None,

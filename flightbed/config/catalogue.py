@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 from flightbed.config import families
 from flightbed.config.family import Family
-from flightbed.config.table import BaseModel, PydanticUndefined, Range, Settings, description_of, inner_table
+from flightbed.config.table import (
+    BaseModel,
+    PydanticUndefined,
+    Range,
+    Settings,
+    condition_of,
+    description_of,
+    inner_table,
+)
 from flightbed.core.units import unit_of
 
 
@@ -23,7 +31,8 @@ class Key:
         unit: its unit; empty for a number without one and for text.
         values: its range or its permitted values, as text.
         default: its default as TOML; empty if the key is required or absent by default.
-        required: whether a file must have it.
+        required: whether its table must have it.
+        condition: other keys of its table with which it has an effect; empty if it always has one.
         example: a value as TOML for a file to start from; the default if the key has no example.
         description: a sentence.
 
@@ -35,6 +44,7 @@ class Key:
     values: str
     default: str
     required: bool
+    condition: str
     example: str
     description: str
 
@@ -55,10 +65,13 @@ def _keys(
             continue
         path = f"{place}{field.alias or name}"
         if family := _family(field):
-            for kind in families.built_in(family.name):
-                yield from _keys(family.of(kind), f"{path}.", (kind,), family.without)
+            names = families.built_in(family.name)
+            yield _selector(family, path, names)
+            for kind in names:
+                yield from _keys(family.of(kind), f"{path}.", (kind,), family.without | {family.key})
         elif (table := inner_table(field)) is not None:
-            yield from _keys(table, f"{path}.", kinds)
+            only = f"a table {name}" if field.default is None else ""
+            yield from (replace(key, condition=key.condition or only) for key in _keys(table, f"{path}.", kinds))
         elif name != "options":
             yield _key(model, name, path, kinds)
 
@@ -67,6 +80,13 @@ def _family(field: Any) -> Family | None:
     """Return the family whose kinds a field holds, as a table or a list of tables."""
     inside = [item for argument in get_args(field.annotation) for item in getattr(argument, "__metadata__", ())]
     return next((item for item in (*field.metadata, *inside) if isinstance(item, Family)), None)
+
+
+def _selector(family: Family, place: str, names: Sequence[str]) -> Key:
+    """Return the key that names the kind."""
+    text = f"{description_of(family.base, family.key)} Installed kinds and own code have other names."
+    default = json.dumps(family.default)
+    return Key(f"{place}.{family.key}", (), "", ", ".join(names), default, False, "", default, text)
 
 
 def _key(model: type[BaseModel], name: str, path: str, kinds: tuple[str, ...]) -> Key:
@@ -80,6 +100,7 @@ def _key(model: type[BaseModel], name: str, path: str, kinds: tuple[str, ...]) -
         _values(field),
         default,
         field.is_required(),
+        condition_of(field),
         json.dumps(field.examples[0]) if field.examples else default,
         description_of(model, name) or "",
     )

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
-from pydantic.json_schema import JsonSchemaValue
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 from flightbed.config import families
@@ -122,7 +122,7 @@ class Family:
         names = families.built_in(self.name)
         kinds = [self._schema_of(kind) for kind in names]
         other = {
-            "title": "installed kind or own code",
+            _TITLE: "installed kind or own code",
             "description": "A kind of an installed package, or own code: module:Attribute or path/to/file.py:Attribute.",
             "type": "object",
             "properties": {self.key: {"type": "string", "description": "Its name.", "not": {"enum": list(names)}}},
@@ -131,8 +131,8 @@ class Family:
         return {"type": "object", "oneOf": [*kinds, other]}
 
     def _schema_of(self, kind: str) -> JsonSchemaValue:
-        schema = inlined(self.of(kind).model_json_schema())
-        schema["title"] = kind
+        schema = json_schema(self.of(kind))
+        schema[_TITLE] = kind
         schema["properties"] = {k: v for k, v in schema["properties"].items() if k not in self.without}
         schema["properties"][self.key] = {"const": kind, "description": description_of(self.base, self.key)}
         if kind != self.default:
@@ -140,8 +140,16 @@ class Family:
         return schema
 
 
-def inlined(schema: JsonSchemaValue) -> JsonSchemaValue:
-    """Return a JSON Schema without references to definitions, without generated titles and without null."""
+_TITLE = "x-title"  # a title to keep; those that pydantic makes of names are removed
+
+
+class _Generator(GenerateJsonSchema):
+    ignored_warning_kinds = {"skipped-choice", "non-serializable-default"}  # noqa: RUF012  # empty options of own code
+
+
+def json_schema(table: type[Settings]) -> JsonSchemaValue:
+    """Return the JSON Schema of a table without references to definitions, without generated titles and without null."""
+    schema = table.model_json_schema(schema_generator=_Generator)
     definitions = schema.get("$defs", {})
 
     def walk(node: Any) -> Any:
@@ -154,15 +162,22 @@ def inlined(schema: JsonSchemaValue) -> JsonSchemaValue:
             node = {**found, **{key: value for key, value in node.items() if key != "$ref"}}
         choices = node.get("anyOf", ())
         if {"type": "null"} in choices:  # None stands for an absent key, and TOML has no null
-            others = [choice for choice in choices if choice != {"type": "null"}]
-            only = others[0] if len(others) == 1 else {"anyOf": others}
+            only = _one_of([choice for choice in choices if choice != {"type": "null"}])
             node = {**only, **{key: value for key, value in node.items() if key not in ("anyOf", "default")}}
             return walk(node)
+        if choices:
+            node = {**_one_of(choices), **{key: value for key, value in node.items() if key != "anyOf"}}
         kept = {
-            key: value
+            "title" if key == _TITLE else key: value
             for key, value in node.items()
             if key != "$defs" and not (key == "title" and isinstance(value, str))
         }
         return {key: walk(value) for key, value in kept.items()}
 
     return dict(walk(schema))
+
+
+def _one_of(choices: Sequence[JsonSchemaValue]) -> JsonSchemaValue:
+    """Return the schema of a value that has one of several types; a whole number is a number."""
+    kinds = [choice for choice in choices if choice != {"type": "integer"} or {"type": "number"} not in choices]
+    return kinds[0] if len(kinds) == 1 else {"anyOf": kinds}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flightbed.config.family import inlined
+from flightbed.config.family import json_schema
 from flightbed.config.table import Settings
 from flightbed.core.units import unit_of
 
@@ -20,7 +20,7 @@ def schema_of(model: type[Settings], title: str, description: str) -> dict[str, 
         description: what the file is, and which relations the schema does not state.
 
     """
-    schema = _with_units(inlined(model.model_json_schema()))
+    schema = _with_units(json_schema(model))
     return {"$schema": DIALECT, "title": title, **schema, "description": description}
 
 
@@ -32,6 +32,6 @@ def _with_units(node: Any) -> Any:
         return node
     node = {key: _with_units(value) for key, value in node.items()}
     for name, inner in node.get("properties", {}).items():
-        if isinstance(inner, dict) and inner.get("type") == "number" and (unit := unit_of(name)) != "1":
+        if isinstance(inner, dict) and inner.get("type") in ("number", "integer") and (unit := unit_of(name)) != "1":
             inner["description"] = f"{inner.get('description', '')} Unit: {unit}.".strip()
     return node

@@ -5,26 +5,28 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     ConfigDict,
     GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
     GetPydanticSchema,
     SerializerFunctionWrapHandler,
     model_serializer,
 )  # fmt: skip
 from pydantic import BaseModel as BaseModel
 from pydantic import Field as Field
+from pydantic import GetJsonSchemaHandler as GetJsonSchemaHandler
 from pydantic import ModelWrapValidatorHandler as ModelWrapValidatorHandler
 from pydantic import ValidationError as ValidationError
 from pydantic import model_validator as model_validator
 from pydantic.fields import FieldInfo
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema as CoreSchema
 from pydantic_core import PydanticCustomError as PydanticCustomError
 from pydantic_core import PydanticUndefined as PydanticUndefined
+from pydantic_core import core_schema
 
 from flightbed.config import families
 from flightbed.config.options import Options, is_option
@@ -97,9 +99,25 @@ def _holds(value: Any, wanted: Any) -> bool:
 
 
 def description_of(table: type[BaseModel], name: str) -> str | None:
-    """Return the description of a field: its own, or that of the class from which it is derived."""
+    """Return the description of a field in one line: its own, or that of the class from which it is derived."""
     fields = (base.model_fields.get(name) for base in table.__mro__ if issubclass(base, BaseModel))
-    return next((field.description for field in fields if field is not None and field.description), None)
+    found = next((field.description for field in fields if field is not None and field.description), None)
+    return None if found is None else " ".join(found.split()).replace("``", "`")
+
+
+def condition_of(field: FieldInfo) -> str:
+    """Return the conditions under which a key has an effect, as in 'memory = "window"'; empty if it always has one."""
+    conditions = (item.conditions for item in field.metadata if isinstance(item, OnlyWith))
+    return " and ".join(_in_words(key, wanted) for each in conditions for key, wanted in each.items())
+
+
+def _in_words(key: str, wanted: Any) -> str:
+    if isinstance(wanted, Above):
+        return f"{key} above {wanted.limit:g}"
+    if wanted is None:
+        return f"{key} absent"
+    values = wanted if isinstance(wanted, tuple) else (wanted,)
+    return f"{key} = {' or '.join(json.dumps(value) for value in values)}"
 
 
 def _rules(table: type[BaseModel], name: str, field: FieldInfo) -> Iterator[dict[str, Any]]:
@@ -185,6 +203,12 @@ def registered(family: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+def _number(value: Any) -> Any:
+    if isinstance(value, bool):  # equal to 1 in Python
+        raise PydanticCustomError("version", "must be 1")
+    return value
+
+
 def _option(value: Any) -> Any:
     if not is_option(value):
         text = "must be text, a finite number, true or false, or a list of these"
@@ -204,6 +228,7 @@ NonNegative = Annotated[float, between(0, 1000000)]
 Share = Annotated[float, between(0, 1)]
 OptionValue = Annotated[Any, AfterValidator(_option)]
 OwnOptions = Annotated[Options, GetPydanticSchema(_options)]
+FormatVersion = Annotated[Literal[1], BeforeValidator(_number)]
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 
 

@@ -168,7 +168,8 @@ def _settled(
             dropped |= droppable
             continue
         if found.error is not None:
-            raise ScenarioError(validation_lines(found.error, place, origins, model=Scenario)) from None
+            lines = validation_lines(found.error, place, origins, model=Scenario)
+            raise ScenarioError([_with_cure(line, cure) for line in lines]) from None
         assert found.scenario is not None
         problems = [
             f"--set {key}: has no effect with {why}"
@@ -207,6 +208,11 @@ def _foreign(error: ValidationError) -> dict[str, str]:
     """Return the keys of a validation error that the kind of their table does not have, but another kind has -> the kind."""
     items = [item for item in error.errors(include_url=False) if item["type"] == "foreign"]
     return {key_of(item): f"{item['ctx']['key']} = '{item['ctx']['kind']}'" for item in items if item["ctx"]["have"]}
+
+
+def _with_cure(line: str, cure: str) -> str:
+    """Return a problem whose cure is to remove a key with the cure of its file."""
+    return line.removesuffix("remove it") + cure if line.endswith("; remove it") else line
 
 
 def _got(raw: Mapping[str, Any], key: str) -> str:

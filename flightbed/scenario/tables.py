@@ -25,6 +25,7 @@ from flightbed.config.kinds import (
 )
 from flightbed.config.table import (
     Field,
+    FormatVersion,
     Identifier,
     NonNegative,
     Positive,
@@ -201,7 +202,7 @@ class Adaptation(Settings):
 class Scenario(Settings):
     """Complete specification of one flight."""
 
-    schema_version: Literal[1] = Field(alias="schema")
+    schema_version: FormatVersion = Field(alias="schema")
     """Version of the file's format."""
     name: Identifier
     """Name of the scenario."""

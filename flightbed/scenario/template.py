@@ -56,12 +56,13 @@ def template(name: str, kinds: Sequence[str], schema: str) -> str:
     chosen, named = _chosen(kinds), set(kinds)
     law = LAWS.of(chosen["laws"][0])
     corrected = issubclass(law, LawSettings) and not law.identifies
+    idle = f"command.amplitude_{'deg_s' if issubclass(law, LawSettings) and law.in_g else 'g'}"
     keys = catalogue(Scenario)
     parts = [_HEAD.format(name=name, schema=schema)]
     for family, names in chosen.items():
         if family == "estimators" and corrected:
             parts.append(_ADAPTATION.format(estimator=names[0]))
-        parts += [_table(keys, family, kind, listed=kind in named) for kind in names]
+        parts += [_table(keys, family, kind, listed=kind in named, without=idle) for kind in names]
     return "".join(parts)
 
 
@@ -83,18 +84,22 @@ def _chosen(kinds: Sequence[str]) -> dict[str, list[str]]:
     return chosen
 
 
-def _table(keys: Sequence[Key], family: str, kind: str, *, listed: bool) -> str:
-    """Return the table of a kind: required keys with an example and, if ``listed``, the others as comments with their defaults."""
+def _table(keys: Sequence[Key], family: str, kind: str, *, listed: bool, without: str) -> str:
+    """Return the table of a kind: required keys with an example and, if ``listed``, the others as comments with their defaults.
+
+    ``without`` is the path of a key that has no effect with the law.
+    """
     place, heading, selector = _PLACES[family]
     lines = ["", heading, f'{selector} = "{kind}"']
     for key in keys:
-        outer, _, name = key.path.removeprefix(f"{place}.").rpartition(".")
-        if kind not in key.kinds or not key.path.startswith(f"{place}.") or name == selector or outer:
+        if kind not in key.kinds or not key.path.startswith(f"{place}.") or key.path in without:
             continue
+        name = key.path.removeprefix(f"{place}.")
         unit = f" [{key.unit}]" if key.unit and listed else ""
-        if key.required:
+        only = f" Only with {key.condition}." if key.condition else ""
+        if key.required and "." not in name:
             value = f'"{kind}"' if family == "estimators" and name == "name" else key.example
             lines.append(f"{name} = {value}".ljust(31) + f" # {key.description}{unit}")
         elif listed and key.default:
-            lines.append(f"# {name} = {key.default}".ljust(31) + f" # {key.description}{unit}")
+            lines.append(f"# {name} = {key.default}".ljust(31) + f" # {key.description}{only}{unit}")
     return "\n".join(lines) + "\n"

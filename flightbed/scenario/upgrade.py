@@ -41,6 +41,8 @@ def upgraded(text: str, place: str) -> tuple[str, list[Dropped]]:
         raise ScenarioError([f"{place}: not TOML that can be rewritten: {error}"]) from None
     removed = []
     for key, why in found.dropped.items():
+        if any(other.startswith(f"{key}.") for other in found.dropped):
+            continue  # the table is removed with its last key
         path = key.split(".")
         removed.append(Dropped(key, brief(with_tuples(value_at(raw, path))), why))
         _remove(document, path)

@@ -31,6 +31,7 @@ _DEFAULTS: Mapping[str, Any] = MappingProxyType(
         },
         "lateral": {
             "roll": {
+                "kind": "none",
                 "period_s": 4.5,
                 "count": 3,
                 "start_s": 0.0,
@@ -43,6 +44,7 @@ _DEFAULTS: Mapping[str, Any] = MappingProxyType(
                 "amplitude_deg_s": 5.0,
             },
             "sideslip": {
+                "kind": "none",
                 "period_s": 4.5,
                 "count": 3,
                 "start_s": 0.0,
@@ -90,6 +92,7 @@ _DEFAULTS: Mapping[str, Any] = MappingProxyType(
         },
         "control": {
             "integral_pole_rad_s": -0.5,
+            "gains": {"integral": 0.0},
             "weights": {"alpha_deg": 3.0, "q_deg_s": 3.0, "elevator_deg": 3.0},
             "identification": {
                 "prior": "linearization",
