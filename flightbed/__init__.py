@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from flightbed.core.errors import FlightbedError
     from flightbed.core.signals import Estimate, Measurement, Sample, Truth
     from flightbed.flight.pacing import WallClock
+    from flightbed.flight.stepper import Stepper
     from flightbed.models.linearize import LinearModel, linearize
     from flightbed.models.reduce import short_period
     from flightbed.models.trim import TrimPoint, trim
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Aircraft", "Estimate", "FlightbedError", "JsbsimAirframe", "LinearModel", "Live", "Measurement", "Metrics", "Result", "Sample",
-    "Scenario", "ShortPeriod", "Trace", "TrimPoint", "Truth", "WallClock", "fly", "linearize", "load_aircraft", "load_scenario",
-    "read_trace", "run", "short_period", "trim", "using",
+    "Scenario", "ShortPeriod", "Stepper", "Trace", "TrimPoint", "Truth", "WallClock", "fly", "linearize", "load_aircraft",
+    "load_scenario", "read_trace", "run", "short_period", "trim", "using",
 ]  # fmt: skip
 
 # name -> module, imported on first use
@@ -50,6 +51,7 @@ _LATER = {
     "Result": "flightbed.analysis.result",
     "Sample": "flightbed.core.signals",
     "Scenario": "flightbed.scenario.reading",
+    "Stepper": "flightbed.flight.stepper",
     "Trace": "flightbed.analysis.trace",
     "Truth": "flightbed.core.signals",
     "WallClock": "flightbed.flight.pacing",

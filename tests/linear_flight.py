@@ -17,7 +17,8 @@ from flightbed.estimation.base import Estimator
 from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig
 from flightbed.failures.base import healthy
 from flightbed.failures.surface import effectiveness_loss
-from flightbed.flight.loop import Flight, fly
+from flightbed.flight.loop import fly
+from flightbed.flight.parts import Flight
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.sensors import Sensors
 

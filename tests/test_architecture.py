@@ -260,6 +260,17 @@ from flightbed.units import DEG, FT, unit_of
     assert done.returncode == 0, done.stderr
 
 
+def test_one_function_advances_the_plant() -> None:
+    """Rule 5: every flight is flown by the same loop."""
+    found = {
+        name
+        for name, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and node.attr == "advance" and ast.unparse(node.value).endswith("plant")
+    }
+    assert found == {"flightbed.flight.loop"}
+
+
 def test_tests_mirror_the_packages() -> None:
     tests = ROOT / "tests"
     folders = {p.relative_to(tests) for p in tests.rglob("*") if p.is_dir() and list(p.glob("test_*.py"))}

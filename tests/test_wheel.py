@@ -5,11 +5,17 @@ from __future__ import annotations
 import zipfile
 from pathlib import Path
 
+from flightbed.core.sources import digest, source_sha256
 from tests.wheels import ROOT, build_wheel
 
 
 def test_the_wheel_holds_the_package_and_its_data_and_nothing_else(tmp_path: Path) -> None:
     with zipfile.ZipFile(build_wheel(tmp_path)) as wheel:
+        sources = {name for name in wheel.namelist() if name.startswith("flightbed/") and name.endswith(".py")}
+        installed = {name.removeprefix("flightbed/"): wheel.read(name) for name in sources}
+        assert (
+            digest(installed) == source_sha256()
+        )  # the identity of a flight is the same from the tree and from the wheel
         names = {name for name in wheel.namelist() if not name.partition("/")[0].endswith(".dist-info")}
     expected = set()
     for folder, place in (("flightbed", "flightbed"), ("aircraft", "flightbed/aircraft_data"), ("scenarios", "flightbed/scenario_data")):  # fmt: skip

@@ -19,7 +19,7 @@ from flightbed.analysis.trace import Trace
 from flightbed.core.timing import differences, interleaved, ratios, seconds
 from flightbed.core.units import DEG
 from flightbed.flight.assembly import assemble
-from flightbed.flight.loop import Flight
+from flightbed.flight.parts import Flight
 from flightbed.flight.plan import Plan, plan
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.scenario.reading import Scenario, load_scenario

@@ -7,6 +7,7 @@ hash and applies the edits of ``aircraft.toml`` in memory; see ``aircraft/f16/RE
 from __future__ import annotations
 
 import hashlib
+import re
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -46,6 +47,7 @@ class Aircraft:
         properties: flightbed name -> JSBSim property.
         edits: edits, in order of application.
         snippets: file name -> XML text with ``$names`` substituted.
+        equal_to: fingerprints (``sha256``) of earlier overlays that fly the same traces; not part of its own fingerprint.
 
     """
 
@@ -59,6 +61,7 @@ class Aircraft:
     properties: Mapping[str, str]
     edits: tuple[Mapping[str, Any], ...]
     snippets: Mapping[str, str]
+    equal_to: tuple[str, ...] = ()
 
     def patch(self, stock: bytes) -> bytes:
         """Return the stock model with all edits applied.
@@ -154,6 +157,7 @@ def load_aircraft(name: str) -> Aircraft:
             properties=raw["properties"],
             edits=edits,
             snippets=snippets,
+            equal_to=tuple(raw.get("equal_to", ())),
         )
     except KeyError as error:
         raise AircraftError(f"{path}: {error} is missing") from None
@@ -165,6 +169,7 @@ def load_aircraft(name: str) -> Aircraft:
         raise AircraftError(f"{path}: {printable(str(error))}") from None
 
 
+_SHA256 = re.compile(r"[0-9a-f]{64}")
 _ACTUATOR = ("lag_rad_s", "rate_limit_rad_s", "min_rad", "max_rad")
 
 
@@ -199,7 +204,11 @@ def _check(raw: Mapping[str, Any], path: Path) -> None:
         found = raw if not table else raw.get(table, {})
         dot = f"{table}." if table else ""
         more = (
-            set(_LATERAL) if not table else _LATERAL_PROPERTIES | _FAULT_PROPERTIES if table == "properties" else set()
+            {*_LATERAL, "equal_to"}
+            if not table
+            else _LATERAL_PROPERTIES | _FAULT_PROPERTIES
+            if table == "properties"
+            else set()
         )
         for key in sorted(set(found) - known - more):
             raise AircraftError(f"{path}: unknown key {dot}{key}{did_you_mean(key, known)}")
@@ -207,6 +216,15 @@ def _check(raw: Mapping[str, Any], path: Path) -> None:
             raise AircraftError(f"{path}: {dot}{key} is missing")
     if not isinstance(raw["edits"], list) or not all(isinstance(edit, Mapping) for edit in raw["edits"]):
         raise AircraftError(f"{path}: edits: must be tables, [[edits]]")
+    earlier = raw.get("equal_to", [])
+    if not isinstance(earlier, list):
+        raise AircraftError(f"{path}: equal_to: must be a list of fingerprints (got {earlier!r})")
+    for i, entry in enumerate(earlier):
+        if not isinstance(entry, str) or not _SHA256.fullmatch(entry):
+            raise AircraftError(
+                f"{path}: equal_to.{i}: must be a fingerprint, 64 digits of 0-9 and a-f (got {entry!r}); "
+                "copy aircraft.sha256 from a resolved scenario.toml"
+            )
     limits, surfaces = raw["limits"], [name for name in ("elevator", *_LATERAL) if name in raw]
     given = [n in raw for n in _LATERAL] + [n in raw["properties"] for n in sorted(_LATERAL_PROPERTIES)]
     if any(given) and not all(given):

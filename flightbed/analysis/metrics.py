@@ -15,7 +15,7 @@ from flightbed.analysis.trace import Trace, true_share
 from flightbed.core.actuator import Actuator
 from flightbed.core.estimate_names import surface_of
 from flightbed.core.units import DEG
-from flightbed.flight.loop import DEPARTURE_RAD
+from flightbed.flight.ending import DEPARTURE_RAD
 
 Vector = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

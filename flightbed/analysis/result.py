@@ -29,20 +29,23 @@ from flightbed.analysis.summary import (
 from flightbed.analysis.trace import Trace, collect, from_rows
 from flightbed.config.tracebacks import error_context
 from flightbed.control.stability_margins import lateral_margin
+from flightbed.core.environment import environment
 from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import Sample
+from flightbed.core.sources import source_sha256
 from flightbed.core.units import DEG
 from flightbed.core.versions import versions
 from flightbed.estimation.base import estimate_names
 from flightbed.failures.base import failure_tick
 from flightbed.flight.assembly import assemble, names_of, sensor_noise
-from flightbed.flight.computer import ready, rows_of
-from flightbed.flight.loop import Flight
+from flightbed.flight.composed import Composed
+from flightbed.flight.computer import computer_of, ready, rows_of
 from flightbed.flight.loop import fly as fly_loop
 from flightbed.flight.pacing import Clock, paced
+from flightbed.flight.parts import Flight
 from flightbed.flight.plan import Plan, plan
 from flightbed.models.linear_aircraft import LinearAircraft
-from flightbed.scenario.own_code import named_extensions
+from flightbed.scenario.own_code import named_extensions, named_plug_ins
 from flightbed.scenario.tables import Scenario
 
 Watch = Callable[[Iterator[Sample]], Iterator[Sample]]  # yields the samples unchanged
@@ -86,6 +89,7 @@ def fly_scenario(
         InputError, NotComputableError: from the plan or the flight.
 
     """
+    source_sha256()  # of the sources as they are now: they may be edited during the flight
     planned = plan(scenario)
     flight = assemble(planned)
     watcher = None if watch is None else watch(planned, predicted_readings(flight, scenario))
@@ -107,7 +111,7 @@ def fly_plan(plan: Plan) -> tuple[Trace, Metrics]:
 def fly_trace(flight: Flight, scenario: Scenario, pace: Clock | None = None, watch: Watch | None = None) -> Trace:
     """Fly; return the trace of all samples.
 
-    Without clock, watcher and external code the flight computer is compiled; the samples are equal bit for bit.
+    The flight computer is compiled if all parts of the flight are built in; the samples are equal bit for bit.
 
     Args:
         flight: assembled, at its start.
@@ -117,11 +121,12 @@ def fly_trace(flight: Flight, scenario: Scenario, pace: Clock | None = None, wat
 
     """
     control_hz, names, timings = scenario.rates.control_hz, names_of(scenario, flight.estimators), array("q")
-    if pace is None and watch is None and not named_extensions(scenario):
+    own = bool(named_extensions(scenario))
+    if pace is None and watch is None and not own:
         rows = rows_of(flight)
         if rows is not None:
             return from_rows(rows, estimators=names, control_hz=control_hz)
-    samples = fly_loop(flight)
+    samples = fly_loop(flight, Composed(flight) if own else computer_of(flight))
     if pace is not None:
         samples = paced(samples, control_hz=control_hz, clock=pace, record=timings.extend)
     if watch is not None:
@@ -253,11 +258,14 @@ def summarize(plan: Plan, trace: Trace, metrics: Metrics, margins: MarginSummary
             tuple(map(tuple, design.A.tolist())), tuple(design.b.tolist()), tuple(design.poles.tolist())
         ),
         gains=plan.gains,
-        extensions=tuple(ExtensionSummary(own.name, own.sha256) for own in named_extensions(scenario)),
+        extensions=tuple(ExtensionSummary(own.name, own.sha256, own.imports) for own in named_extensions(scenario)),
         aircraft_sha256=plan.aircraft.sha256,
         wall_time_s=wall_s,
         real_time_factor=flown_s / wall_s,
         realtime=punctuality(trace, control_hz=scenario.rates.control_hz),
         versions={**versions(), "rerun-sdk": version("rerun-sdk")},
+        source_sha256=source_sha256(),
+        environment=environment(),
+        plug_ins=named_plug_ins(scenario),
         margins=margins,
     )

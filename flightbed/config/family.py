@@ -10,7 +10,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 from flightbed.config import families
-from flightbed.config.table import Settings, has_key, known_keys, unregistered
+from flightbed.config.table import Settings, description_of, has_key, known_keys, unregistered
 
 _PYDANTIC = frozenset(get_args(core_schema.ErrorType))  # the other error types are our own
 
@@ -62,10 +62,11 @@ class Family:
         return own.maker(self.name)(settings, *arguments)
 
     def have(self, path: Sequence[int | str]) -> list[str]:
-        """Return the built-in kinds that have a key, given as the path inside the table."""
+        """Return the kinds that have a key, in quotes, given the path of the key inside the table."""
         if path[0] in self.without:
             return []
-        return [kind for kind in families.built_in(self.name) if has_key(self.of(kind), path)]
+        found = [f"'{kind}'" for kind in families.built_in(self.name) if has_key(self.of(kind), path)]
+        return found or (["own code"] if has_key(self.plain, path) else [])
 
     def _settings(self, value: Any) -> Settings:
         if isinstance(value, self.base):
@@ -102,7 +103,7 @@ class Family:
 
     def _foreign(self, settings: type[Settings], kind: str, loc: Sequence[int | str], value: Any) -> InitErrorDetails:
         known = [key for key in known_keys(settings, loc[:-1]) if key not in self.without]
-        context = {"kind": kind, "have": self.have(loc), "known": known}
+        context = {"key": self.key, "kind": kind, "have": self.have(loc), "known": known}
         return {"type": PydanticCustomError("foreign", "unknown key", context), "loc": tuple(loc), "input": value}
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -114,10 +115,52 @@ class Family:
         written = settings.model_dump(mode="json", by_alias=True, exclude_none=True)
         return {key: value for key, value in written.items() if key not in self.without}
 
-    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        one_of = []
-        for kind in families.built_in(self.name):
-            schema = self.of(kind).model_json_schema()
-            schema["properties"] = {k: v for k, v in schema["properties"].items() if k not in self.without}
-            one_of.append(schema)
-        return {"oneOf": one_of, "discriminator": {"propertyName": self.key}}
+    def __get_pydantic_json_schema__(self, _core: CoreSchema, _handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Return one schema per built-in kind, and an open one for installed kinds and own code."""
+        names = families.built_in(self.name)
+        kinds = [self._schema_of(kind) for kind in names]
+        other = {
+            "title": "installed kind or own code",
+            "description": "A kind of an installed package, or own code: module:Attribute or path/to/file.py:Attribute.",
+            "type": "object",
+            "properties": {self.key: {"type": "string", "description": "Its name.", "not": {"enum": list(names)}}},
+            "required": [self.key],
+        }
+        return {"type": "object", "oneOf": [*kinds, other]}
+
+    def _schema_of(self, kind: str) -> JsonSchemaValue:
+        schema = inlined(self.of(kind).model_json_schema())
+        schema["title"] = kind
+        schema["properties"] = {k: v for k, v in schema["properties"].items() if k not in self.without}
+        schema["properties"][self.key] = {"const": kind, "description": description_of(self.base, self.key)}
+        if kind != self.default:
+            schema["required"] = [self.key, *schema.get("required", [])]
+        return schema
+
+
+def inlined(schema: JsonSchemaValue) -> JsonSchemaValue:
+    """Return a JSON Schema without references to definitions, without generated titles and without null."""
+    definitions = schema.get("$defs", {})
+
+    def walk(node: Any) -> Any:
+        if isinstance(node, list):
+            return [walk(inner) for inner in node]
+        if not isinstance(node, dict):
+            return node
+        if "$ref" in node:
+            found = definitions[node["$ref"].rpartition("/")[2]]
+            node = {**found, **{key: value for key, value in node.items() if key != "$ref"}}
+        choices = node.get("anyOf", ())
+        if {"type": "null"} in choices:  # None stands for an absent key, and TOML has no null
+            others = [choice for choice in choices if choice != {"type": "null"}]
+            only = others[0] if len(others) == 1 else {"anyOf": others}
+            node = {**only, **{key: value for key, value in node.items() if key not in ("anyOf", "default")}}
+            return walk(node)
+        kept = {
+            key: value
+            for key, value in node.items()
+            if key != "$defs" and not (key == "title" and isinstance(value, str))
+        }
+        return {key: walk(value) for key, value in kept.items()}
+
+    return dict(walk(schema))

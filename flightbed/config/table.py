@@ -9,7 +9,6 @@ from typing import Annotated, Any, get_args
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     ConfigDict,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
@@ -17,12 +16,15 @@ from pydantic import (
     SerializerFunctionWrapHandler,
     model_serializer,
 )  # fmt: skip
+from pydantic import BaseModel as BaseModel
 from pydantic import Field as Field
 from pydantic import ModelWrapValidatorHandler as ModelWrapValidatorHandler
 from pydantic import ValidationError as ValidationError
 from pydantic import model_validator as model_validator
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 from pydantic_core import PydanticCustomError as PydanticCustomError
+from pydantic_core import PydanticUndefined as PydanticUndefined
 
 from flightbed.config import families
 from flightbed.config.options import Options, is_option
@@ -52,6 +54,12 @@ class Range:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         lowest = "exclusiveMinimum" if self.open_low else "minimum"
         return {**handler(schema), lowest: self.low, "maximum": self.high}
+
+
+def example(value: Any) -> FieldInfo:
+    """Return field metadata: a value for a file to start from, of a key without a default."""
+    found: FieldInfo = Field(examples=[value])
+    return found
 
 
 def between(low: float, high: float, *, open_low: bool = False) -> Range:
@@ -86,6 +94,30 @@ def _holds(value: Any, wanted: Any) -> bool:
     if isinstance(wanted, Above):
         return bool(value > wanted.limit)
     return value in wanted if isinstance(wanted, tuple) else bool(value == wanted)
+
+
+def description_of(table: type[BaseModel], name: str) -> str | None:
+    """Return the description of a field: its own, or that of the class from which it is derived."""
+    fields = (base.model_fields.get(name) for base in table.__mro__ if issubclass(base, BaseModel))
+    return next((field.description for field in fields if field is not None and field.description), None)
+
+
+def _rules(table: type[BaseModel], name: str, field: FieldInfo) -> Iterator[dict[str, Any]]:
+    """Yield the conditions of a key as JSON Schema: where one does not hold, the key must be absent."""
+    for item in field.metadata:
+        if isinstance(item, OnlyWith):
+            for other, wanted in item.conditions.items():
+                default = table.model_fields[other].default
+                if wanted is None:
+                    yield {"if": {"required": [other]}, "then": {"properties": {name: False}}}
+                    continue
+                values = list(wanted) if isinstance(wanted, tuple) else [wanted]
+                right = {"exclusiveMinimum": wanted.limit} if isinstance(wanted, Above) else {"enum": values}
+                given = [] if _holds(default, wanted) else [other]  # absent, the other key has its default
+                yield {
+                    "if": {"properties": {other: right}, "required": given},
+                    "else": {"properties": {name: False}},
+                }
 
 
 def idle_keys(table: BaseModel, place: str = "") -> dict[str, str]:
@@ -190,11 +222,23 @@ class Settings(BaseModel):
         use_attribute_docstrings=True,
     )
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema of the table, with ``only_with`` as if-else."""
+        schema = handler.resolve_ref_schema(handler(core))
+        for name, field in cls.model_fields.items():
+            if text := description_of(cls, name):
+                schema["properties"][field.alias or name]["description"] = text
+        if rules := [rule for name, field in cls.model_fields.items() for rule in _rules(cls, name, field)]:
+            schema["allOf"] = rules
+        return schema
+
 
 class OwnSettings(Settings):
     """Base class of a table that names code; external code reads its own keys from ``options``."""
 
     options: OwnOptions = Options()
+    """Keys of the external code."""
 
     @model_serializer(mode="wrap")
     def _without_empty_options(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -207,7 +251,7 @@ def known_keys(model: Any, loc: Sequence[int | str]) -> list[str]:
     for part in loc:
         if isinstance(part, str):
             field = next(f for n, f in model.model_fields.items() if part in (n, f.alias))
-            model = _table_class(field)
+            model = inner_table(field)
     return [f.alias or n for n, f in model.model_fields.items()]
 
 
@@ -221,11 +265,11 @@ def has_key(model: type[BaseModel], path: Sequence[int | str]) -> bool:
         field = next((f for n, f in fields.items() if part in (n, f.alias)), None)
         if field is None:
             return False
-        inside = _table_class(field)
+        inside = inner_table(field)
     return True
 
 
-def _table_class(field: Any) -> type[BaseModel] | None:
+def inner_table(field: Any) -> type[BaseModel] | None:
     """Return the class of the table, or of the tables, that a field holds."""
     classes = [field.annotation, *get_args(field.annotation)]
     return next((c for c in classes if isinstance(c, type) and issubclass(c, BaseModel)), None)

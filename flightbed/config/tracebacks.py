@@ -62,10 +62,8 @@ def constructor_message(error: Exception, extension: families.Permitted) -> str:
 
 def _flight_message(error: Exception, own: Sequence[families.Permitted], control_hz: int) -> str:
     frames = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__)]
-    looping = [
-        f for f, _ in frames if f.f_globals.get("__name__") == "flightbed.flight.loop" and f.f_code.co_name == "fly"
-    ]
-    tick = looping[0].f_locals.get("tick") if looping else None
+    looping = [f for f, _ in frames if f.f_globals.get("__name__") == "flightbed.flight.loop" and "tick" in f.f_locals]
+    tick = looping[0].f_locals["tick"] if looping else None
     when = "" if tick is None else f" at t = {tick / control_hz:g} s, tick {tick}"
     if found := _own_frame(error, own):
         return f"own code {found[0]}: fails{when}: {found[1]}: {error_line(error)}"

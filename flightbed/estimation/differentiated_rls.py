@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import nan, sqrt
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
@@ -170,6 +170,8 @@ class DifferentiatedRls:
 
 class DifferentiatedRlsSettings(EstimatorSettings):
     """Recursive least squares with variable forgetting on differentiated pitch rate: the baseline."""
+
+    reads_accelerometer: ClassVar[bool] = False
 
     kind: Literal["differentiated-rls"] = "differentiated-rls"
     forgetting: Annotated[float, between(0.5, 1)] = 0.98

@@ -1,7 +1,7 @@
-"""Compiled flights: one compiled call per tick does all work of the flight computer; faster than ``loop.fly`` for many flights.
+"""The compiled flight computer: one compiled call per tick does all work on board.
 
-The steps and the compiled functions are those of ``loop.fly``, and the rows are equal to the last bit; a test compares both. Only flights
-made of built-in parts can be compiled; external code stays in Python, and ``fly`` calls it.
+The steps and the compiled functions are those of ``composed.Composed``, and the rows are equal to the last bit; a test compares both. Only
+flights made of built-in parts can be compiled; external code stays in Python, and ``Composed`` calls it.
 
 All numbers on board lie in one array, the store: passing a further array into compiled code costs more than the arithmetic of a tick on
 that array.
@@ -9,7 +9,7 @@ that array.
 
 from __future__ import annotations
 
-from collections import deque
+from collections.abc import Callable
 from functools import cache
 from math import isfinite, nan
 from operator import call
@@ -23,14 +23,17 @@ from flightbed.control.correction import Adaptation
 from flightbed.control.proportional import Proportional, proportional_demand
 from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.core.compiled import Array, compiled
-from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement, Truth
+from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Health, Measurement, Sample, Truth
 from flightbed.estimation import differentiated_rls
 from flightbed.estimation.base import Estimator, SurfacesEstimator
 from flightbed.estimation.differentiated_rls import DifferentiatedRls
 from flightbed.estimation.loop_gain import estimator as loop_gain
 from flightbed.estimation.loop_gain.estimator import LoopGain
-from flightbed.flight.loop import DEPARTURE_RAD, Flight, invalid_estimate
-from flightbed.flight.record import LEADING, row_width
+from flightbed.flight.composed import Composed, invalid_estimate
+from flightbed.flight.ending import FLIES, NAMES, Ended, ending
+from flightbed.flight.loop import Computer, Loop
+from flightbed.flight.parts import Flight
+from flightbed.flight.record import LEADING, row_width, sample_of
 from flightbed.plant import properties
 from flightbed.plant.nonlinear import JsbsimPlant
 from flightbed.plant.sensors import Sensors, readings
@@ -39,7 +42,7 @@ from flightbed.plant.sensors import Sensors, readings
 _ENDED, _WIDTH, _ROWS, _ERRORS, _ESTIMATORS, _CORRECTING_ESTIMATE, _STATE_FROM, _CORRECTION, _INVALID = range(9)
 _FLOOR, _CAUTION, _EFFECTIVE_FEEDBACK, _LOW, _HIGH, _TRIM, _PEAK = range(9, 16)
 _GAINS, _PER_TICK, _ALPHA_TRIM, _ELEVATOR_TRIM, _INTEGRAL, _HOLD = 16, 20, 21, 22, 23, 24
-_ALPHA_START, _GROUND, _MACH_SCALE, _RAW_TRUTH, _ORIGIN, _BLOCKS = 25, 26, 27, 28, 29, 33
+_ALPHA_START, _GROUND, _MACH_SCALE, _RAW_TRUTH, _ORIGIN, _LATEST, _BLOCKS = 25, 26, 27, 28, 29, 33, 34
 _BLOCK = 9  # numbers per estimator: kind, number of filters, bounds of its arrays
 _NO_CORRECTION, _BY_ESTIMATE, _BY_TRUE_K = 0.0, 1.0, 2.0  # values of _CORRECTION: source of K in the correction 1/K
 _TRUTH, _MEASUREMENT = LEADING, LEADING + len(Truth._fields)
@@ -55,6 +58,7 @@ def _tick(store: Array, k: int) -> float:
     The row already holds the true values, or the JSBSim properties from which this function computes them; it adds readings, estimates and
     the command.
     """
+    store[_LATEST] = k
     width = int(store[_WIDTH])
     at = int(store[_ROWS]) + k * width
     row = store[at : at + width]
@@ -126,11 +130,8 @@ def _tick(store: Array, k: int) -> float:
     command = correction.clip_command(corrected, low, high)
     store[_HOLD] = 1.0 if command != corrected else 0.0
     row[3] = command
-    store[_ENDED] = k
-    deviation = truth[0] - store[_ALPHA_START]
-    if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth[1]) or truth[7] < store[_GROUND]:
-        return nan
-    return command
+    store[_ENDED] = ending(truth[0] - store[_ALPHA_START], truth[1], truth[7], store[_GROUND], 0.0)
+    return command if store[_ENDED] == FLIES else nan
 
 
 @cache
@@ -139,6 +140,91 @@ def ready() -> None:
     store = np.zeros(_BLOCKS + 8 + row_width(0))
     store[_WIDTH], store[_ERRORS], store[_ROWS], store[_STATE_FROM] = row_width(0), _BLOCKS, _BLOCKS + 8, -1.0
     _tick(store, 0)
+
+
+class Compiled:
+    """All work on board at a tick, in one compiled call on the store; a ``loop.Computer``.
+
+    Args:
+        flight: assembled, at its start; ``is_built_in`` must hold.
+
+    Attributes:
+        ended: end condition that holds at the latest tick; None while the flight flies.
+        listeners: none.
+
+    """
+
+    listeners: tuple[Callable[[float], object], ...] = ()
+
+    def __init__(self, flight: Flight) -> None:
+        self._store, self._first, self._width = _store(flight)
+        self._flight, self._tick = flight, 0
+        self.ended: Ended | None = None
+        self.step = self._stepper()
+
+    def _stepper(self) -> Callable[[int, Health], float]:
+        """Return the function ``step``; a closure, because attributes of an object cost 1 % of a tick."""
+        plant, store = self._flight.plant, self._store
+        put, memory = Struct(f"{len(Truth._fields)}d").pack_into, memoryview(store.data).cast("B")
+        stride, begin = 8 * self._width, 8 * (self._first + _TRUTH)
+        if not isinstance(plant, JsbsimPlant):
+
+            def linear(tick: int, health: Health) -> float:
+                put(memory, begin + tick * stride, *plant.sense(health))
+                command = _tick(store, tick)
+                return command if command == command else self._stopped(tick)
+
+            return linear
+        getters = plant.getters
+
+        def nonlinear(tick: int, health: Health) -> float:  # no Truth is built: the compiled code computes its fields
+            put(
+                memory, begin + tick * stride, *map(call, getters),
+                plant.elevator_mean_rad, *health[:3], plant.gust_up_m_s, plant.elevator_offset_rad,
+            )  # fmt: skip
+            command = _tick(store, tick)
+            return command if command == command else self._stopped(tick)
+
+        return nonlinear
+
+    def _stopped(self, tick: int) -> float:
+        """Take the reason of a tick without a command. Raises EstimateError."""
+        if self._store[_INVALID]:
+            number = self._flight.adaptation.estimator
+            smoothed = self._row(tick)[_FIRST_ESTIMATE + number * _FIELDS + 2]
+            raise invalid_estimate(number, float(smoothed), tick / self._flight.control_hz)
+        self.ended = NAMES.get(self._store[_ENDED])
+        return nan
+
+    def _row(self, tick: int) -> Array:
+        begin = self._first + tick * self._width
+        return self._store[begin : begin + self._width]
+
+    def rows(self) -> Array:
+        """Return the rows of all ticks so far, in the layout of ``record.row_packer``."""
+        return self._store[self._first : self._first + (int(self._store[_LATEST]) + 1) * self._width]
+
+    def sample(self) -> Sample:
+        """Return all signals of the latest tick."""
+        return sample_of(self._row(int(self._store[_LATEST])).tolist(), self._flight.estimates)
+
+    def replace(self, elevator_cmd_rad: float) -> None:
+        """Take the command that replaces the law's at the latest tick; the law holds its integral at the next one."""
+        self._store[_HOLD] = 1.0
+        self._row(int(self._store[_LATEST]))[3] = elevator_cmd_rad
+
+    def lateral_command(self) -> tuple[float, float]:
+        """Raise an error: no compiled flight commands aileron and rudder."""
+        raise NotImplementedError
+
+    def throttle_norm(self) -> float:
+        """Raise an error: no compiled flight is commanded in g."""
+        raise NotImplementedError
+
+
+def computer_of(flight: Flight) -> Computer:
+    """Return the flight computer of a new flight: compiled if all its parts are built in, otherwise composed of its objects."""
+    return Compiled(flight) if _is_built_in(flight) else Composed(flight)
 
 
 def rows_of(flight: Flight) -> Array | None:
@@ -150,40 +236,11 @@ def rows_of(flight: Flight) -> Array | None:
     """
     if not _is_built_in(flight):
         return None
-    store, first, width = _store(flight)
-    plant, health_at, ticks = flight.plant, flight.health, len(flight.profile.q_cmd_rad_s)
-    sense, advance = plant.sense, plant.advance
-    nonlinear = plant if isinstance(plant, JsbsimPlant) else None
-    getters = nonlinear.getters if nonlinear else ()
-    delay, delayed_commands = flight.delay_ticks, deque([plant.sense().elevator_rad] * flight.delay_ticks)
-    put, memory = Struct(f"{len(Truth._fields)}d").pack_into, memoryview(store.data).cast("B")
-    stride, place = 8 * width, 8 * (first + _TRUTH)
-    following = latest_health = health_at(0)
-    shares = latest_health[:3]
-    for tick in range(ticks):
-        health, following = following, health_at(tick + 1)
-        if nonlinear is not None:  # no Truth is built: the compiled code computes its fields
-            if health is not latest_health:
-                latest_health, shares = health, health[:3]
-            put(
-                memory, place, *map(call, getters),
-                nonlinear.elevator_mean_rad, *shares, nonlinear.gust_up_m_s, nonlinear.elevator_offset_rad,
-            )  # fmt: skip
-        else:
-            put(memory, place, *sense(health))
-        place += stride
-        command = _tick(store, tick)
-        if command != command:
-            break
-        if delay:
-            delayed_commands.append(command)
-            command = delayed_commands.popleft()
-        advance(command, health, following)
-    if store[_INVALID]:
-        number = flight.adaptation.estimator
-        smoothed = float(store[first + tick * width + _FIRST_ESTIMATE + number * _FIELDS + 2])
-        raise invalid_estimate(number, smoothed, tick / flight.control_hz)
-    return store[first : first + (int(store[_ENDED]) + 1) * width]
+    computer = Compiled(flight)
+    loop = Loop(flight, computer)
+    while loop.ended is None:
+        loop.advance()
+    return computer.rows()
 
 
 def _is_built_in(flight: Flight) -> bool:
@@ -200,7 +257,7 @@ def _is_built_in(flight: Flight) -> bool:
 
 def _store(flight: Flight) -> tuple[Array, int, int]:
     """Return the store of a new flight, the index of its first row, and the row width."""
-    ticks, count, width = len(flight.profile.q_cmd_rad_s), len(flight.estimators), row_width(len(flight.estimators))
+    ticks, count, width = flight.ticks, len(flight.estimators), row_width(len(flight.estimators))
     parts = [np.zeros(_BLOCKS + count * _BLOCK)]
     header, end = parts[0], len(parts[0])
     for number, estimator in enumerate(flight.estimators):

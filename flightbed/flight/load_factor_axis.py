@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isnan, nan
+from math import nan
 
 from flightbed.control.load_factor.autothrottle import Autothrottle
 from flightbed.control.load_factor.design import LoadFactorLaw, level_g
@@ -21,6 +21,7 @@ class LoadFactorAxis:
         autothrottle: None keeps the throttle at its trim setting.
 
     Attributes:
+        plant: the flight's plant.
         sample: the load-factor sample of the latest tick.
 
     """
@@ -33,7 +34,7 @@ class LoadFactorAxis:
         autothrottle: Autothrottle | None,
     ) -> None:
         self.law = law
-        self._plant, self._references, self._autothrottle = plant, references, autothrottle
+        self.plant, self._references, self._autothrottle = plant, references, autothrottle
         self._tick = 0
         self.sample = LoadFactorSample(nan, nan)
 
@@ -46,8 +47,3 @@ class LoadFactorAxis:
         self.sample = LoadFactorSample(command + level, reference + level, throttle, *self.law.model)
         self._tick += 1
         return demand
-
-    def power(self) -> None:
-        """Set the throttle for the next control period, as decided at the latest tick."""
-        if not isnan(self.sample.throttle_norm):
-            self._plant.throttle(self.sample.throttle_norm)

@@ -1,173 +1,151 @@
-"""The flight loop: ``fly`` senses, estimates, decides, acts and yields one Sample per control tick."""
+"""The flight loop: ``Loop`` alternates between the work on board and one control period of the plant; ``fly`` yields one Sample per tick.
+
+The loop owns the plant, the failures, the transport delay and the end of the flight. All work on board belongs to a flight computer:
+``composed.Composed``, of objects of any origin, or ``computer.Compiled``, one compiled call per tick.
+"""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from math import inf, isfinite
+from math import isnan
+from typing import Protocol
 
-from flightbed.command.base import Profile
-from flightbed.control.base import Law
-from flightbed.control.correction import Adaptation
-from flightbed.control.redesign import Redesign
-from flightbed.core.errors import EstimateError
-from flightbed.core.signals import Estimate, LateralMeasurement, LateralSample, Measurement, Sample
-from flightbed.core.units import DEG
-from flightbed.estimation.base import Commanded, Estimator, SurfacesEstimator, estimate_names
-from flightbed.failures.base import HealthHistory
-from flightbed.flight.lateral_axes import LateralAxes
-from flightbed.flight.load_factor_axis import LoadFactorAxis
-from flightbed.plant.base import Plant
-from flightbed.plant.sensors import Sensors
-
-_new = tuple.__new__  # makes a named tuple without its constructor, which costs 1 % of a tick
-# Deviation of alpha from trim, or sideslip beta where aileron and rudder are commanded, that counts as a departure.
-DEPARTURE_RAD = 25.0 * DEG
+from flightbed.core.signals import Health, Sample
+from flightbed.flight.composed import Composed
+from flightbed.flight.ending import Ended
+from flightbed.flight.parts import Flight
 
 
-@dataclass(frozen=True)
-class Flight:
-    """All parts of one flight, ready to fly once."""
-
-    plant: Plant
-    sensors: Sensors
-    profile: Profile
-    health: HealthHistory
-    law: Law
-    adaptation: Adaptation
-    estimators: Sequence[Estimator | SurfacesEstimator]
-    alpha_trim_rad: float
-    control_hz: int
-    floor_m: float = -inf  # altitude of the ground, where the flight ends
-    delay_ticks: int = 0  # control ticks between a command and the actuator
-    state_from: int | None = None  # index of the estimate that supplies alpha and q of the law; None for the readings
-    redesign: Redesign | None = None  # redesign of the laws instead of the correction by 1/K
-    lateral: LateralAxes | None = None  # None if the plant controls roll and yaw
-    load_factor: LoadFactorAxis | None = None  # the law of a flight commanded in g, with its throttle
+class Computer(Protocol):
+    """A flight computer: all work on board at one tick. Its ticks are taken in order, each once."""
 
     @property
-    def estimates(self) -> int:
-        """Number of estimates per tick."""
-        return sum(len(estimate_names("", estimator)) for estimator in self.estimators)
+    def ended(self) -> Ended | None:
+        """End condition that holds at the latest tick; None while the flight flies."""
 
-    def __post_init__(self) -> None:
-        if self.adaptation.enabled and not self.adaptation.oracle and not self.estimators:
-            raise ValueError("adaptation is enabled, but the flight has no estimator")
-        if self.state_from is not None and self.state_from >= self.estimates:
-            raise ValueError(
-                f"state_from: the flight has {self.estimates} estimates (got {self.state_from}); give a smaller index"
-            )
-        if self.lateral is None and any(isinstance(estimator, SurfacesEstimator) for estimator in self.estimators):
-            raise ValueError("an estimator of several surfaces needs a flight with lateral axes")
-        if self.load_factor is not None and self.law is not self.load_factor:
-            raise ValueError("law and load_factor must be the same object in a flight commanded in g")
+    @property
+    def listeners(self) -> Sequence[Callable[[float], object]]:
+        """Functions that take the elevator command that acts from a tick on, rad."""
+
+    def step(self, tick: int, health: Health) -> float:
+        """Sense, estimate and decide at a tick; return the elevator command, rad, or nan if the flight ends here."""
+
+    def sample(self) -> Sample:
+        """Return all signals of the latest tick."""
+
+    def replace(self, elevator_cmd_rad: float) -> None:
+        """Take the command that replaces the law's at the latest tick; the law holds its integral at the next one."""
+
+    def lateral_command(self) -> tuple[float, float]:
+        """Return the commands to aileron and rudder of the latest tick, rad."""
+
+    def throttle_norm(self) -> float:
+        """Return the throttle command of the latest tick; nan keeps the throttle."""
 
 
-Updater = Callable[[Measurement, LateralMeasurement], Sequence[Estimate]]
+class Loop:
+    """One flight, tick by tick: ``sense`` does the work on board, ``advance`` flies one control period.
 
+    Args:
+        flight: assembled, at its start.
+        computer: flight computer of this flight.
 
-def updater(estimator: Estimator | SurfacesEstimator) -> Updater:
-    """Return the update of an estimator in a flight with lateral axes: (pitch, lateral measurement) -> its estimates.
+    Attributes:
+        tick: number of the present tick.
+        ended: None while the flight flies; set by ``sense`` at the last tick: the profile ends ("time"), or an end condition holds.
 
-    An estimator of the elevator alone gets the pitch measurement only.
     """
-    if isinstance(estimator, SurfacesEstimator):
-        return estimator.update_all
-    update = estimator.update
-    return lambda measurement, _lateral: (update(measurement),)
+
+    def __init__(self, flight: Flight, computer: Computer) -> None:
+        plant = flight.plant
+        self._computer, self._step, self._fly = computer, computer.step, plant.advance
+        self._listeners = computer.listeners
+        self._health_at = flight.health
+        self._following = flight.health(0)
+        self._health = self._following
+        self._last = flight.ticks - 1
+        still = plant.sense().elevator_rad
+        self._delayed = deque([still] * flight.delay_ticks)
+        self._axes, self._load_factor = flight.lateral, flight.load_factor
+        self._delayed_lateral = deque([(0.0, 0.0)] * flight.delay_ticks)
+        self._command, self._is_sensed, self._is_over = still, False, False
+        self.tick = 0
+        self.ended: Ended | None = None
+
+    def sense(self) -> None:
+        """Do the work on board of the present tick; once per tick.
+
+        Raises:
+            EstimateError: the smoothed K of a correcting estimator is not finite.
+
+        """
+        if self._is_sensed:
+            return
+        tick = self.tick
+        self._health = health = self._following
+        self._following = self._health_at(tick + 1)
+        self._command = command = self._step(tick, health)
+        self._is_sensed = True
+        if command != command:
+            self.ended = self._computer.ended
+        if tick == self._last and self.ended is None:
+            self.ended = "time"
+
+    def sample(self) -> Sample:
+        """Return all signals of the present tick, after ``sense``."""
+        return self._computer.sample()
+
+    def advance(self, command_rad: float | None = None) -> None:
+        """Fly one control period, with the law's command or the given one; senses first if that was not done at this tick.
+
+        At the last tick no period follows, and nothing flies.
+
+        Raises:
+            RuntimeError: the flight was over before.
+            EstimateError: as ``sense``.
+            ValueError: damage that the plant does not model.
+
+        """
+        if not self._is_sensed:
+            self.sense()
+        tick, command = self.tick, self._command  # error messages read the tick here
+        if self.ended is not None:
+            if self._is_over:
+                raise RuntimeError(f"advance: the flight ended at tick {tick} ({self.ended}); start a new one")
+            self._is_over = True
+            return
+        if command_rad is not None:
+            command = command_rad
+            self._computer.replace(command)
+        for listen in self._listeners:
+            listen(command)
+        if self._axes is not None:
+            self._delayed_lateral.append(self._computer.lateral_command())
+            self._axes.plant.steer(*self._delayed_lateral.popleft())
+        if self._load_factor is not None and not isnan(throttle := self._computer.throttle_norm()):
+            self._load_factor.plant.throttle(throttle)
+        if self._delayed:
+            self._delayed.append(command)
+            command = self._delayed.popleft()
+        self._fly(command, self._health, self._following)
+        self.tick = tick + 1
+        self._is_sensed = False
 
 
-def invalid_estimate(estimator: int, smoothed: float, t_s: float) -> EstimateError:
-    """Return the error of an estimator whose smoothed K is not finite at flight time ``t_s``."""
-    return EstimateError(
-        f"estimators.{estimator}: smoothed K is {smoothed} at t = {t_s:g} s; "
-        "the correction 1/K needs a finite K, flightbed.testing.check_estimator helps to find the cause"
-    )
-
-
-def fly(flight: Flight) -> Iterator[Sample]:
+def fly(flight: Flight, computer: Computer | None = None) -> Iterator[Sample]:
     """Fly and yield one Sample per control tick, up to the end of the profile, a departure, or the ground (that sample included).
 
+    Args:
+        flight: assembled, at its start.
+        computer: its flight computer; None for one composed of the flight's objects.
+
     Raises:
-        EstimateError: the smoothed K of the correcting estimator is not finite.
+        EstimateError: the smoothed K of a correcting estimator is not finite.
 
     """
-    plant, sensors, law, adaptation = flight.plant, flight.sensors, flight.law, flight.adaptation
-    sense, read, demand_of, advance = plant.sense, sensors.read, law.demand, plant.advance
-    effectiveness_used_of, feedback_of, health_at = (
-        adaptation.effectiveness_used,
-        adaptation.position_feedback,
-        flight.health,
-    )
-    reference_of, command_of = adaptation.reference, adaptation.command
-    axes, redesign, load_factor = flight.lateral, flight.redesign, flight.load_factor
-    updaters = [updater(estimator) for estimator in flight.estimators] if axes is not None else []
-    updates = [e.update for e in flight.estimators if not isinstance(e, SurfacesEstimator)] if axes is None else []
-    only = updates[0] if len(updates) == 1 else None
-    listeners = [e.commanded for e in flight.estimators if isinstance(e, Commanded)]
-    commands = zip(flight.profile.q_cmd_rad_s.tolist(), flight.profile.q_ref_rad_s.tolist(), strict=True)
-    hold, floor, following, effectiveness_used = False, flight.floor_m, health_at(0), 1.0
-    alpha_trim, oracle, corrected, correcting = (
-        flight.alpha_trim_rad,
-        adaptation.oracle,
-        adaptation.enabled,
-        adaptation.estimator,
-    )
-    state_from = flight.state_from
-    delay, delayed_commands = flight.delay_ticks, deque([plant.sense().elevator_rad] * flight.delay_ticks)
-    lateral: LateralSample | None = None
-    delayed_lateral_commands = deque([(0.0, 0.0)] * flight.delay_ticks)
-    for tick, (q_cmd, q_ref) in enumerate(commands):
-        health, following = following, health_at(tick + 1)
-        truth = sense(health)
-        measurement = read(tick, truth)
-
-        if axes is not None:
-            lateral = axes.sense(tick, health)
-            lateral_reading = lateral.measurement
-            estimates = tuple([estimate for update in updaters for estimate in update(measurement, lateral_reading)])
-        else:
-            estimates = (only(measurement),) if only else tuple([update(measurement) for update in updates])
-
-        if redesign is not None:
-            redesign.update(estimates)
-        if oracle:  # the true K of the scenario; no estimator is used
-            effectiveness_used = effectiveness_used_of(health.effectiveness)
-        elif estimates:
-            estimate = estimates[correcting]
-            if corrected and not isfinite(estimate.effectiveness_smoothed) and isfinite(measurement.q_rad_s):
-                raise invalid_estimate(correcting, estimate.effectiveness_smoothed, tick / flight.control_hz)
-            effectiveness_used = effectiveness_used_of(estimate.effectiveness_smoothed, estimate.effectiveness_std)
-        feedback = feedback_of(measurement.elevator_rad, effectiveness_used)
-        reference = reference_of(q_ref, effectiveness_used)
-        law_input = measurement
-        if state_from is not None:
-            law_input = measurement._replace(
-                alpha_rad=estimates[state_from].alpha_rad, q_rad_s=estimates[state_from].q_rad_s
-            )
-        demand = demand_of(law_input, q_ref_rad_s=reference, elevator_rad=feedback, hold=hold)
-        command = command_of(demand, effectiveness_used)
-        hold = command != demand / effectiveness_used
-        for listen in listeners:
-            listen(command)
-
-        if axes is not None and lateral is not None:
-            lateral = axes.decide(lateral, estimates, tick)
-
-        load_factor_sample = None if load_factor is None else load_factor.sample
-        yield _new(Sample, (tick, q_cmd, q_ref, truth, measurement, estimates, command, lateral, load_factor_sample))
-        deviation = truth.alpha_rad - alpha_trim
-        if not abs(deviation) <= DEPARTURE_RAD or not isfinite(truth.q_rad_s) or truth.altitude_m < floor:
-            return
-        if axes is not None and lateral is not None:
-            if not abs(lateral.truth.beta_rad) <= DEPARTURE_RAD:
-                return
-            delayed_lateral_commands.append((lateral.aileron_cmd_rad, lateral.rudder_cmd_rad))
-            axes.plant.steer(*delayed_lateral_commands.popleft())
-        if load_factor is not None:
-            load_factor.power()
-        if delay:
-            delayed_commands.append(command)
-            command = delayed_commands.popleft()
-        advance(command, health, following)
+    loop = Loop(flight, computer or Composed(flight))
+    while loop.ended is None:
+        loop.sense()
+        yield loop.sample()
+        loop.advance()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import chain
+from collections.abc import Callable, Sequence
+from itertools import chain, islice
 from struct import Struct
+from typing import TypeVar
 
 from flightbed.core.signals import (
     Estimate,
@@ -16,6 +17,8 @@ from flightbed.core.signals import (
     Sample,
     Truth,
 )
+
+T = TypeVar("T", Truth, Measurement, Estimate, LateralTruth, LateralMeasurement, LoadFactorSample)
 
 # column -> (field, factor from SI)
 FLOWN_FIELDS = ("tick", "q_cmd_rad_s", "q_ref_rad_s", "elevator_cmd_rad")
@@ -60,3 +63,23 @@ def row_packer(estimators: int, *, lateral: bool = False, load_factor: bool = Fa
         return pack(*head, *truth, *measurement, *estimated, *commands, *lateral_truth, *lateral_reading, *in_g)
 
     return row
+
+
+def sample_of(row: Sequence[float], estimators: int, *, lateral: bool = False, load_factor: bool = False) -> Sample:
+    """Return the sample of a packed row with this number of estimates: the inverse of ``row_packer``."""
+    numbers = iter(row)
+
+    def take(kind: type[T]) -> T:
+        return kind(*islice(numbers, len(kind._fields)))
+
+    tick, q_cmd, q_ref, elevator_cmd = islice(numbers, LEADING)
+    truth, measurement = take(Truth), take(Measurement)
+    estimates = tuple([take(Estimate) for _ in range(estimators)])
+    turning = None
+    if lateral:
+        p_cmd, p_ref, beta_cmd, beta_ref, aileron_cmd, rudder_cmd = islice(numbers, 6)
+        turning = LateralSample(
+            p_cmd, p_ref, beta_cmd, beta_ref, take(LateralTruth), take(LateralMeasurement), aileron_cmd, rudder_cmd
+        )
+    in_g = take(LoadFactorSample) if load_factor else None
+    return Sample(int(tick), q_cmd, q_ref, truth, measurement, estimates, elevator_cmd, turning, in_g)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import cos, pi, sin
-from typing import Literal
+from typing import Annotated, Literal
 
 from flightbed.config.kinds import GustSettings, Surroundings
-from flightbed.config.table import NonNegative, Positive
+from flightbed.config.table import NonNegative, Positive, example
 from flightbed.core.units import FT
 
 Gusts = Callable[[float], float]
@@ -68,7 +68,7 @@ class OneMinusCosine(GustSettings):
     """A gust that rises as 1 - cos, holds, and falls."""
 
     shape: Literal["1-cos"] = "1-cos"
-    rise_s: Positive
+    rise_s: Annotated[Positive, example(0.5)]
     """Duration of the rise, and of the fall."""
     hold_s: NonNegative = 0.0
     """Duration of the peak."""
@@ -87,7 +87,7 @@ class Sine(GustSettings):
     """A harmonic gust that starts upwards and lasts to the end of the flight."""
 
     shape: Literal["sine"] = "sine"
-    frequency_hz: Positive
+    frequency_hz: Annotated[Positive, example(0.5)]
     """Frequency of encounter."""
 
     def build(self, before: Gusts) -> Gusts:

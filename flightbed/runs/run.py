@@ -12,6 +12,7 @@ from flightbed.config.tracebacks import with_error_context
 from flightbed.core.files import check_target
 from flightbed.core.signals import Sample
 from flightbed.flight.assembly import assemble
+from flightbed.flight.computer import computer_of
 from flightbed.flight.loop import fly as fly_loop
 from flightbed.flight.pacing import Clock
 from flightbed.flight.plan import Plan, plan
@@ -24,9 +25,10 @@ from flightbed.telemetry.live import Live
 
 def fly(scenario: Scenario) -> Iterator[Sample]:
     """Trim, design and fly a scenario, yielding one Sample per control tick."""
-    samples = fly_loop(assemble(plan(scenario)))
-    used = named_extensions(scenario)
-    return with_error_context(samples, scenario.rates.control_hz, used) if used else samples
+    flight, used = assemble(plan(scenario)), named_extensions(scenario)
+    if not used:
+        return fly_loop(flight, computer_of(flight))
+    return with_error_context(fly_loop(flight), scenario.rates.control_hz, used)
 
 
 def _watch(live: Live, planned: Plan, readings: Mapping[str, float]) -> Watch:

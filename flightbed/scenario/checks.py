@@ -2,74 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
-
 from flightbed.config import families
 from flightbed.config.kinds import (
-    LOAD_FACTOR_LAWS,
-    Command,
-    Kind,
-    RollCommand,
-    SideslipCommand,
-    Surroundings,
+    LAWS,
+    LawSettings,
 )
-from flightbed.config.table import idle_keys
 from flightbed.core.errors import did_you_mean
-from flightbed.core.harmonics import MOST_HARMONICS, harmonics
 from flightbed.scenario.estimates import detectors
 from flightbed.scenario.tables import Scenario
-
-_PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
-_BAND = _PULSES | {"low_hz", "high_hz"}
-_BINARY = {"switch_s", "register_bits", "seed"}
-_COMMAND_KEYS = _BAND | _BINARY  # keys that some kinds do not use
-_COMMAND_USES = {
-    "none": set[str](),
-    "constant": {"amplitude_deg_s", "start_s"},
-    "pulse": {"amplitude_deg_s", "start_s", "period_s"},
-    "doublet": _PULSES,
-    "3-2-1-1": _PULSES,
-    "chirp": _BAND,
-    "multisine": _BAND,
-    "dither": _BAND - {"count"},
-    "random": _PULSES - {"period_s"} | _BINARY,
-}
-# Keys that each kind of failure requires besides at_s. Kinds of installed packages may use any key.
-_FAILURE_NEEDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "effectiveness": ("to",),
-        "ramp": ("to",),
-        "structural": ("to", "force_to"),
-        "cg-shift": ("shift_cbar",),
-        "stuck": (),
-        "floating": (),
-        "hardover": ("side",),
-        "rate-limit": ("to",),
-        "bias": ("bias_deg",),
-    }
-)
-_FAILURE_MAY: Mapping[str, tuple[str, ...]] = MappingProxyType({"ramp": ("over_s",)})
-_FAILURE_KEYS = ("to", "force_to", "over_s", "shift_cbar", "side", "bias_deg")
-_ELEVATOR_ONLY = ("structural", "cg-shift")
-_LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
-# Keys of the law nz-adaptive alone, and of flights commanded in g alone.
-_IDENTIFICATION = (
-    "prior", "prior_var", "process_var", "output_var", "block_fade", "form", "precision", "patience", "gain_filter_rad_s",
-    "command_filter_rad_s",
-)  # fmt: skip
-_AUTOTHROTTLE = ("low_norm", "high_norm", "then_fps", "then_at_s")
-_WEIGHTS = ("alpha_deg", "q_deg_s", "elevator_deg")
-
-
-def _kinds(scenario: Scenario) -> Iterator[tuple[str, Kind]]:
-    """Yield the place and the settings of each kind in a scenario."""
-    yield from ((f"gusts.{i}", gust) for i, gust in enumerate(scenario.gusts))
-    yield from ((f"estimators.{i}", estimator) for i, estimator in enumerate(scenario.estimators))
-
-
-def _surroundings(scenario: Scenario) -> Surroundings:
-    return Surroundings(scenario.rates.control_hz, lateral=scenario.lateral.enabled, in_g=scenario.in_g)
 
 
 def conflicts(scenario: Scenario) -> list[str]:
@@ -80,50 +20,45 @@ def conflicts(scenario: Scenario) -> list[str]:
         problems.append(f"duration_s: must be a whole number of ticks of 1/{hz} s (got {scenario.duration_s:g})")
     times = {f"failures.{i}.at_s": failure.at_s for i, failure in enumerate(scenario.failures)}
     times |= {f"gusts.{i}.at_s": gust.at_s for i, gust in enumerate(scenario.gusts)}
-    if scenario.control.autothrottle.then_fps:
-        times["control.autothrottle.then_at_s"] = scenario.control.autothrottle.then_at_s
+    times |= {f"control.{key}": at_s for key, at_s in scenario.control.times.items()}
     problems += [
         f"{key}: must be no later than the last tick, {(ticks - 1) / hz:g} s (got {at_s:g})"
         for key, at_s in times.items()
         if at_s * hz > ticks - 1 + 1e-6
     ]
-    for i, failure in enumerate(scenario.failures):
-        problems += [
-            f"failures.{i}.{key}: is missing; a failure of kind '{failure.kind}' needs it"
-            for key in _FAILURE_NEEDS.get(failure.kind, ())
-            if key not in failure.model_fields_set
-        ]
-    around = _surroundings(scenario)
-    problems += [line for place, kind in _kinds(scenario) for line in kind.conflicts(place, around)]
-    problems += _surface_conflicts(scenario)
-    problems += _command_conflicts(scenario.command, hz)
-    if scenario.lateral.enabled:
-        problems += _command_conflicts(scenario.lateral.roll, hz, "lateral.roll")
-        problems += _command_conflicts(scenario.lateral.sideslip, hz, "lateral.sideslip")
+    for place, kind in scenario.kinds():
+        problems += kind.conflicts(place, scenario.surroundings)
     names = [estimator.name for estimator in scenario.estimators]
     problems += [
         f"estimators.{i}.name: must be unique (got '{name}' twice)" for i, name in enumerate(names) if name in names[:i]
     ]
+    problems += references(scenario).values()
     control = scenario.control
-    if control.state_from and control.state_from not in names:
-        problems.append(_no_estimator("control.state_from", control.state_from, names))
     problems += _redesign_conflicts(scenario)
-    problems += _load_factor_conflicts(scenario)
-    problems += _options_of_built_ins(scenario)
-    if control.gains is not None and control.poles is not None:
+    if control.identifies and scenario.adaptation.enabled:
         problems.append(
-            "control.poles: cannot be combined with control.gains, which replace the design; give one of them"
+            f"adaptation.enabled: must be false with control.law = '{control.law}', which identifies its own model (got true)"
         )
     problems += _correction_conflicts(scenario)
     return problems
 
 
+def references(scenario: Scenario) -> dict[str, str]:
+    """Return key -> its problem, for keys that name an estimator which does not exist, even where the key has no effect."""
+    adaptation, names = scenario.adaptation, [estimator.name for estimator in scenario.estimators]
+    named = {"control.state_from": scenario.control.state_from, "adaptation.estimator": adaptation.estimator}
+    corrected = adaptation.enabled and not adaptation.oracle
+    return {
+        key: f"{key}: no estimator is named '{name}'{did_you_mean(name, names)}; known: {', '.join(names) or 'none'}"
+        for key, name in named.items()
+        if name not in names and (name or (key == "adaptation.estimator" and corrected))
+    }
+
+
 def _correction_conflicts(scenario: Scenario) -> list[str]:
     adaptation, estimators = scenario.adaptation, {e.name: e for e in scenario.estimators}
-    if not adaptation.enabled or adaptation.oracle:
+    if not adaptation.enabled or adaptation.oracle or adaptation.estimator not in estimators:
         return []
-    if adaptation.estimator not in estimators:
-        return [_no_estimator("adaptation.estimator", adaptation.estimator, list(estimators))]
     if not estimators[adaptation.estimator].corrects:
         return [
             f"adaptation.estimator: must estimate the elevator's effectiveness (got '{adaptation.estimator}', which does not)"
@@ -131,29 +66,15 @@ def _correction_conflicts(scenario: Scenario) -> list[str]:
     return []
 
 
-def _surface_conflicts(scenario: Scenario) -> list[str]:
-    problems = []
-    for i, failure in enumerate(scenario.failures):
-        if failure.surface == "elevator":
-            continue
-        if failure.kind in _ELEVATOR_ONLY:
-            problems.append(
-                f"failures.{i}.surface: must be 'elevator' with kind = '{failure.kind}' (got '{failure.surface}')"
-            )
-        elif not scenario.lateral.enabled:
-            problems.append(
-                f"failures.{i}.surface: the stock laws control aileron and rudder (got '{failure.surface}'); set lateral.enabled to true"
-            )
-    return problems
-
-
 def _redesign_conflicts(scenario: Scenario) -> list[str]:
     adaptation, problems = scenario.adaptation, []
     if not (adaptation.enabled and adaptation.method == "redesign"):
         return []
-    if scenario.control.law != "lq":
+    if not scenario.control.can_redesign:
+        laws = {name: LAWS.of(name) for name in families.built_in("laws")}
+        able = " or ".join(f"'{n}'" for n, law in laws.items() if issubclass(law, LawSettings) and law.can_redesign)
         problems.append(
-            f"control.law: must be 'lq' with adaptation.method = 'redesign', which redesigns it (got '{scenario.control.law}')"
+            f"control.law: must be {able} with adaptation.method = 'redesign', which redesigns it (got '{scenario.control.law}')"
         )
     if adaptation.oracle:
         problems.append(
@@ -166,158 +87,3 @@ def _redesign_conflicts(scenario: Scenario) -> list[str]:
             f"adaptation.estimator: must raise alarms with method = 'redesign' (got '{adaptation.estimator}', which has no alarm test)"
         )
     return problems
-
-
-def _load_factor_conflicts(scenario: Scenario) -> list[str]:
-    control, adaptation, problems = scenario.control, scenario.adaptation, []
-    if control.law not in LOAD_FACTOR_LAWS:
-        return []
-    if control.law == "nz-adaptive" and adaptation.enabled:
-        problems.append(
-            "adaptation.enabled: must be false with control.law = 'nz-adaptive', which identifies its own model (got true)"
-        )
-    if control.poles is not None and len(control.poles) != 3:
-        problems.append(
-            f"control.poles: must be three with control.law = '{control.law}': two states and the integral (got {len(control.poles)})"
-        )
-    if control.poles is not None:
-        pairs = [complex(*pole) for pole in control.poles]
-        if any(pairs.count(pole) != pairs.count(pole.conjugate()) for pole in pairs):
-            problems.append(
-                f"control.poles: complex ones must come in conjugate pairs, [re, im] and [re, -im] (got {[list(p) for p in control.poles]})"
-            )
-    throttle = control.autothrottle
-    if throttle.enabled and not throttle.low_norm < throttle.high_norm:
-        problems.append(
-            f"control.autothrottle.low_norm: must be below high_norm = {throttle.high_norm:g} (got {throttle.low_norm:g})"
-        )
-    return problems
-
-
-def _options_of_built_ins(scenario: Scenario) -> list[str]:
-    tables = [
-        ("command", "commands", "kind", scenario.command.kind, scenario.command.options),
-        ("lateral.roll", "commands", "kind", scenario.lateral.roll.kind, scenario.lateral.roll.options),
-        ("lateral.sideslip", "commands", "kind", scenario.lateral.sideslip.kind, scenario.lateral.sideslip.options),
-        ("control", "laws", "law", scenario.control.law, scenario.control.options),
-        *((f"failures.{i}", "failures", "kind", f.kind, f.options) for i, f in enumerate(scenario.failures)),
-    ]
-    return [
-        f"{place}.options: {key} '{name}' takes no options (got {', '.join(options)}); only external code has them"
-        for place, family, key, name, options in tables
-        if options and families.is_built_in(family, name)
-    ]
-
-
-def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
-    return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; known: {', '.join(names) or 'none'}"
-
-
-def _command_conflicts(command: Command | RollCommand | SideslipCommand, hz: int, place: str = "command") -> list[str]:
-    kind = command.kind
-    shortest = {"doublet": ("period_s", 2), "3-2-1-1": ("period_s", 7), "random": ("switch_s", 1)}
-    if kind in shortest:
-        key, parts = shortest[kind]
-        value: float = getattr(command, key)
-        if value * hz < parts - 1e-6:
-            return [
-                f"{place}.{key}: must be at least {parts / hz:g}, so that each pulse lasts at least one tick (got {value:g})"
-            ]
-    if kind not in ("chirp", "multisine", "dither"):
-        return []
-    problems = []
-    if command.high_hz >= 0.5 * hz:
-        problems.append(
-            f"{place}.high_hz: must be below {0.5 * hz:g}, half of rates.control_hz (got {command.high_hz:g})"
-        )
-    if command.low_hz > command.high_hz:
-        problems.append(
-            f"{place}.low_hz: must be no higher than high_hz = {command.high_hz:g} (got {command.low_hz:g})"
-        )
-    elif kind != "chirp":
-        found = len(harmonics(low_hz=command.low_hz, high_hz=command.high_hz, period_s=command.period_s))
-        if not 1 <= found <= MOST_HARMONICS:
-            cure = "widen the band or lengthen the period" if found == 0 else "narrow the band or shorten the period"
-            problems.append(
-                f"{place}.period_s: the band from low_hz to high_hz must hold 1 to {MOST_HARMONICS} multiples of 1/period_s "
-                f"(got {found}); {cure}"
-            )
-    return problems
-
-
-def unused_keys(scenario: Scenario) -> dict[str, str]:
-    """Return key without effect -> setting that disables it."""
-    lateral, adaptation = scenario.lateral, scenario.adaptation
-    keys = _unused_in_command("command", scenario.command)
-    if lateral.enabled:
-        keys |= _unused_in_command("lateral.roll", lateral.roll) | _unused_in_command(
-            "lateral.sideslip", lateral.sideslip
-        )
-    else:
-        own = {f"lateral.{key}" for key in type(lateral).model_fields if key != "enabled"}
-        own |= {f"lateral.{axis}.{key}" for axis in ("roll", "sideslip") for key in type(lateral.roll).model_fields}
-        own |= {f"sensors.{key}" for key in _LATERAL_SENSORS} | {"lateral.sideslip.amplitude_deg"}
-        keys |= dict.fromkeys(sorted(own), "lateral.enabled = false")
-    if scenario.control.gains is not None:
-        keys["control.integral_pole_rad_s"] = "control.gains"
-    if scenario.control.law == "proportional":
-        keys |= {f"control.{key}": "control.law = 'proportional'" for key in ("integral_pole_rad_s", "gains.integral")}
-    if not adaptation.enabled:
-        idle = ("estimator", "method", "floor", "feedback", "caution", "oracle", "limit_command")
-        keys |= {f"adaptation.{key}": "adaptation.enabled = false" for key in idle}
-    elif adaptation.method == "redesign":
-        unused = ("feedback", "caution", "limit_command")
-        keys |= {f"adaptation.{key}": "adaptation.method = 'redesign'" for key in unused}
-    elif adaptation.oracle:
-        keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
-    if scenario.control.law != "lq" and families.is_built_in("laws", scenario.control.law):
-        keys |= {f"control.weights.{key}": f"control.law = '{scenario.control.law}'" for key in _WEIGHTS}
-    keys |= _unused_in_g(scenario)
-    if scenario.control.law == "lq":
-        keys |= {f"control.{key}": "control.law = 'lq'" for key in ("poles", "gains", "integral_pole_rad_s")}
-    for i, failure in enumerate(scenario.failures):
-        if failure.kind not in _FAILURE_NEEDS:  # a kind of another package may use any key
-            continue
-        used = (*_FAILURE_NEEDS[failure.kind], *_FAILURE_MAY.get(failure.kind, ()))
-        useless = [key for key in _FAILURE_KEYS if key not in used]
-        useless += ["surface"] if failure.kind == "cg-shift" else []
-        keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
-    around = _surroundings(scenario)
-    keys |= idle_keys(scenario)
-    for place, kind in _kinds(scenario):
-        keys |= kind.idle(place, around)
-    return keys
-
-
-def _unused_in_g(scenario: Scenario) -> dict[str, str]:
-    """Return the idle keys that depend on whether the flight is commanded in g -> setting that disables them."""
-    law, why = scenario.control.law, f"control.law = '{scenario.control.law}'"
-    identification = {f"control.identification.{key}" for key in _IDENTIFICATION}
-    idle: set[str] = set()
-    if law in LOAD_FACTOR_LAWS:
-        idle |= {"command.amplitude_deg_s", "control.integral_pole_rad_s", "adaptation.feedback"}
-        idle |= {f"control.gains.{key}" for key in ("alpha", "q_s", "elevator", "reference_s", "integral")} | {
-            "control.gains"
-        }
-        idle |= identification if law != "nz-adaptive" else set()
-    elif families.is_built_in("laws", law):
-        idle |= {"command.amplitude_g", *identification, "control.autothrottle.enabled"}
-        idle |= {f"control.autothrottle.{key}" for key in _AUTOTHROTTLE}
-        if all(families.is_built_in("estimators", estimator.kind) for estimator in scenario.estimators):
-            idle.add("sensors.nz_std_g")
-    keys = dict.fromkeys(sorted(idle), why)
-    throttle = scenario.control.autothrottle
-    if law in LOAD_FACTOR_LAWS and not throttle.enabled:
-        keys |= {f"control.autothrottle.{key}": "control.autothrottle.enabled = false" for key in _AUTOTHROTTLE}
-    elif law in LOAD_FACTOR_LAWS and not throttle.then_fps:
-        keys["control.autothrottle.then_at_s"] = "control.autothrottle.then_fps = 0"
-    return keys
-
-
-def _unused_in_command(place: str, command: Command | RollCommand | SideslipCommand) -> dict[str, str]:
-    unused = _COMMAND_KEYS - _COMMAND_USES.get(command.kind, _COMMAND_KEYS)
-    if "amplitude_deg" in type(command).model_fields:
-        unused = {"amplitude_deg" if key == "amplitude_deg_s" else key for key in unused}
-    elif "amplitude_deg_s" in unused:
-        unused = unused | {"amplitude_g"}
-    return {f"{place}.{key}": f"{place}.kind = '{command.kind}'" for key in unused}

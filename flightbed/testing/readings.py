@@ -18,7 +18,7 @@ from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG, FT
 from flightbed.failures.base import healthy
 from flightbed.failures.surface import effectiveness_loss
-from flightbed.flight import loop
+from flightbed.flight import loop, parts
 from flightbed.plant.linear import LinearPlant
 from flightbed.plant.sensors import Sensors
 
@@ -41,7 +41,7 @@ def readings_of_flights(onboard: OnBoard) -> dict[str, list[Measurement]]:
 def _readings(onboard: OnBoard, noise: SensorNoise, effectiveness: float, *, moving: bool) -> list[Measurement]:
     design, hz = onboard.design, onboard.control_hz
     command = doublet(amplitude_rad_s=5.0 * DEG, period_s=3.0, count=2) if moving else none()
-    flight = loop.Flight(
+    flight = parts.Flight(
         plant=LinearPlant(design, control_hz=hz, airspeed_m_s=252.8, mach=0.8, altitude_m=20000 * FT),
         sensors=Sensors(noise, ticks=_TICKS, seed=np.random.SeedSequence(0)),
         profile=profile(command, ticks=_TICKS, control_hz=hz, filter_rad_s=3.0),

@@ -22,16 +22,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flightbed
+from flightbed.analysis.events import failures
 from flightbed.analysis.seeds import Job, fly_jobs, processes
+from flightbed.analysis.summary_text import command
 from flightbed.avionics.onboard import OnBoard
 from flightbed.cli import main as cli
 from flightbed.config import families
-from flightbed.config.kinds import EstimatorSettings, PlainEstimator
+from flightbed.config.kinds import CommandSettings, EstimatorSettings, PlainCommand, PlainEstimator
 from flightbed.config.options import Options
 from flightbed.config.own_code import load, names_without_option, use_options, using
 from flightbed.config.table import between, only_with
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
+from flightbed.core.units import DEG
 from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainSettings
 from flightbed.failures.base import HealthHistory
 from flightbed.report.flight_report import rerun_command
@@ -118,7 +121,7 @@ def test_permitted_code_flies_and_the_run_lists_it(here: Path, monkeypatch: pyte
     sha256 = hashlib.sha256(FILTER.encode()).hexdigest()
     assert f"own code  own_filter:Fixed (sha256 {sha256[:12]})" in done.stdout
     stored = json.loads((here / "x" / "metrics.json").read_text())
-    assert stored["extensions"] == [{"name": "own_filter:Fixed", "sha256": sha256}]
+    assert stored["extensions"] == [{"name": "own_filter:Fixed", "sha256": sha256, "imports": {}}]
     assert stored["estimators"]["scheduled"]["final"] == 0.7
     resolved = tomllib.loads((here / "x" / "scenario.toml").read_text())
     assert resolved["estimators"][0]["kind"] == "own_filter:Fixed"
@@ -490,19 +493,32 @@ def test_set_reaches_options_in_every_table() -> None:
 
 
 def test_empty_options_are_not_written() -> None:
-    scenario = load_scenario("elevator-loss")
-    assert "options" not in scenario.to_toml()
-    assert scenario.control.options == Options() == {}
-    assert load_scenario(tomllib.loads(scenario.to_toml())) == scenario
+    with using({"mine": Still}):
+        scenario = load_scenario("elevator-loss", ["command={kind='mine'}"])
+        assert "options" not in scenario.to_toml()
+        assert isinstance(scenario.command, PlainCommand)
+        assert scenario.command.options == Options() == {}
+        assert load_scenario(tomllib.loads(scenario.to_toml())) == scenario
 
 
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("estimators.0.options.gain=2", "--set: unknown key estimators.0.options; did you mean prior?"),
-        ("control.options.gain=2", "scenarios/elevator-loss.toml: control.options: law 'proportional' takes no options (got gain); only external code has them"),
-        ("failures.0.options.a=2", "scenarios/elevator-loss.toml: failures.0.options: kind 'effectiveness' takes no options (got a); only external code has them"),
-        ("command.options.a=2", "scenarios/elevator-loss.toml: command.options: kind 'doublet' takes no options (got a); only external code has them"),
+        ("estimators.0.options.gain=2", "--set: estimators.0.options: 'loop-gain' has no such key (own code has it); remove it"),
+        ("control.options.gain=2", "--set: control.options: 'proportional' has no such key (own code has it); remove it"),
+        ("failures.0.options.a=2", "--set: failures.0.options: 'effectiveness' has no such key (own code has it); remove it"),
+        ("command.options.a=2", "--set: command.options: 'doublet' has no such key (own code has it); remove it"),
+    ],
+)  # fmt: skip
+def test_invalid_options(override: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", [override])
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
         ("command.options=2", "--set command.options: must be a table (got 2)"),
         ("command.options.a.b=2", "scenarios/elevator-loss.toml: command.options.a: must be text, a finite number, true or false, or a list of these (got {'b': 2})"),
         ("command.options.a=inf", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got inf)"),
@@ -510,9 +526,9 @@ def test_empty_options_are_not_written() -> None:
         ("command.options.a=1999-12-31", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got datetime.date(1999, 12, 31))"),
     ],
 )  # fmt: skip
-def test_invalid_options(override: str, message: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario("elevator-loss", [override])
+def test_invalid_options_of_own_code(override: str, message: str) -> None:
+    with using({"mine": Still}), pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", ["command.kind=mine", override])
     assert str(caught.value) == message
 
 
@@ -595,15 +611,43 @@ def test_a_settings_class_that_builds_no_estimator_is_an_error(made: str, messag
         flightbed.run(load_scenario("nominal", [*QUICK, TYPED, f"estimators.1.made={made}"]))
 
 
-def test_external_kinds_may_use_every_key() -> None:
-    """Keys without effect for a built-in kind, which --set rejects there."""
-    others = ["failures.0.over_s=3", "command.seed=1"]
+def test_the_table_of_an_external_failure() -> None:
     with using({"mine": Still}):
-        own_kinds = load_scenario("elevator-loss", ["failures.0.kind=mine", "command.kind=mine", *others])
-        assert (own_kinds.failures[0].over_s, own_kinds.command.seed) == (3.0, 1)
-    for key in others:
-        with pytest.raises(ScenarioError, match="has no effect"):
-            load_scenario("elevator-loss", [key])
+        own = load_scenario("elevator-loss", ["failures.0={kind='mine', at_s=0.2}"])
+        written = {"kind": "mine", "at_s": 0.2, "surface": "elevator", "to": 1.0}
+        assert tomllib.loads(own.to_toml())["failures"] == [written]
+        assert failures(own) == ["at 0.2 s the failure 'mine' begins"]
+        with pytest.raises(ScenarioError, match=r"failures\.0\.over_s: 'mine' has no such key \('ramp' has it\)"):
+            load_scenario("elevator-loss", ["failures.0.kind=mine", "failures.0.over_s=3"])
+        with pytest.raises(ScenarioError, match=r"failures\.0\.surface: the stock laws control aileron and rudder"):
+            load_scenario("elevator-loss", ["failures.0.kind=mine", "failures.0.surface=rudder"])
+
+
+def test_the_table_of_an_external_command() -> None:
+    """The amplitude of every place comes as amplitude_deg_s."""
+    seen: list[CommandSettings] = []
+
+    def mine(settings: CommandSettings) -> Callable[[Any], Any]:
+        seen.append(settings)
+        return np.zeros_like
+
+    mines = [
+        "command={kind='mine', amplitude_g=2.0, options={a=3}}",
+        "lateral.sideslip={kind='mine', amplitude_deg=1.7}",
+    ]
+    with using({"mine": mine}):
+        own = load_scenario("nominal", ["lateral.enabled=true", *mines, "lateral.roll={kind='mine', count=7}"])
+        written = tomllib.loads(own.to_toml())
+        with pytest.raises(ScenarioError, match=r"command\.seed: 'mine' has no such key \('random' has it\)"):
+            load_scenario("nominal", [*mines, "command.seed=1"])
+        own.command.rate(), own.command.load_factor(), own.lateral.roll.rate(), own.lateral.sideslip.angle()
+    rest = {"start_s": 0.0, "period_s": 4.5, "count": 3, "filter_rad_s": 3.0}
+    in_pitch = {"kind": "mine", "amplitude_deg_s": 5.0, "amplitude_g": 2.0, **rest, "options": {"a": 3}}
+    assert written["command"] == in_pitch
+    assert written["lateral"]["sideslip"] == {"kind": "mine", "amplitude_deg": 1.7, **rest}
+    assert [s.model_dump()["amplitude_deg_s"] for s in seen] == [5.0, 2.0 / DEG, 5.0, 1.7]
+    assert command(own) == "mine, amplitude 2 g, a 3; prefilter 3 rad/s"
+    assert command(own, "lateral.roll") == "mine, count 7; prefilter 3 rad/s"
 
 
 class _SaysNan(LoopGain):

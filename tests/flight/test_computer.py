@@ -18,7 +18,8 @@ from flightbed.core.signals import Estimate, Measurement, Truth
 from flightbed.estimation.loop_gain.estimator import LoopGain
 from flightbed.flight.assembly import assemble
 from flightbed.flight.computer import rows_of
-from flightbed.flight.loop import Flight, fly
+from flightbed.flight.loop import fly
+from flightbed.flight.parts import Flight
 from flightbed.flight.plan import plan
 from flightbed.plant.sensors import Sensors
 from flightbed.runs.run import run

@@ -125,7 +125,7 @@ def test_load_flyable_picks_the_right_one(f16: Aircraft, tmp_path: Path) -> None
 
 
 def test_load_linear_aircraft_refuses_another_kind(tmp_path: Path) -> None:
-    with pytest.raises(AircraftError, match=r"aircraft\.toml: unknown key stock"):
+    with pytest.raises(AircraftError, match=r"aircraft\.toml: unknown key equal_to"):
         load_linear_aircraft("f16")
     with pytest.raises(AircraftError, match=r"aircraft\.toml: kind: must be 'linear' \(got 'f16'\)"):
         load_linear_aircraft(str(_folder(tmp_path, TEXT.replace('kind = "linear"', 'kind = "f16"'))))

@@ -158,7 +158,7 @@ def _soon(name: str) -> list[str]:
     """Overrides that bring all failures and gusts of a scenario into a short flight."""
     scenario = load_scenario(name)
     fail = [f"failures.{i}.at_s={0.5 + 0.2 * i}" for i in range(len(scenario.failures))]
-    fail += ["control.autothrottle.then_at_s=0.5"] if scenario.control.autothrottle.then_fps else []
+    fail += ["control.autothrottle.then_at_s=0.5"] if scenario.control.times else []
     return ["duration_s=1.2", *fail, *(f"gusts.{i}.at_s={0.4 + 0.2 * i}" for i in range(len(scenario.gusts)))]
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.padding import Padding
 
 from flightbed.analysis import comparison
+from flightbed.cli.compare import comparison_lines
 from flightbed.core.errors import OutputError
 from flightbed.document.html import render
 from flightbed.report.comparison_report import comparison_report
@@ -49,6 +52,23 @@ def test_differences_are_from_the_first(runs: tuple[comparison.Run, ...]) -> Non
     assert not {"scenario", "seed", "tracking_rms_pre_deg_s", "tracking_rms_post_deg_s"} & set(differences)
     nis = [r.summary.metrics.estimators["scheduled"].nis_mean for r in runs]
     assert differences["estimators"]["scheduled"]["nis_mean"] == nis[2] - nis[0]
+
+
+def test_runs_of_different_sources_are_named_in_one_line(runs: tuple[comparison.Run, ...]) -> None:
+    def of(sha256: str | None) -> comparison.Run:
+        return replace(runs[1], label="other", summary=replace(runs[1].summary, source_sha256=sha256))
+
+    ours = str(runs[0].summary.source_sha256)
+    assert comparison.different_sources(runs) is None
+    assert comparison.different_sources([of(None), of(None)]) is None
+    line = f"Flown by different sources of flightbed (SHA-256: nominal {ours[:12]}, other 0123456789ab)."
+    pair = [runs[0], of("0123456789abcdef")]
+    assert comparison.different_sources(pair) == line
+    assert "other not recorded" in str(comparison.different_sources([runs[0], of(None)]))
+    assert line in render(comparison_report(pair))
+    assert line in list(comparison_report(pair).sections[2].text)
+    assert "different sources" not in render(comparison_report(runs))
+    assert line in [item.renderable for item in comparison_lines(pair, Path("x")) if isinstance(item, Padding)]
 
 
 def test_tracking_is_over_the_same_time_in_all_runs(runs: tuple[comparison.Run, ...]) -> None:

@@ -18,7 +18,7 @@ from flightbed.config.table import Positive
 from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.flight import assembly
-from flightbed.flight.loop import Flight
+from flightbed.flight.parts import Flight
 from flightbed.flight.plan import Plan
 from flightbed.testing import check as testing
 from flightbed.testing.check import ContractError, check_estimator

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from math import nan
+from typing import Literal
 
 from flightbed.avionics.pitch_points import dynamic_pressure_pa
-from flightbed.config import kinds
 from flightbed.control.load_factor.design import (
     GainTable,
     LoadFactorDesign,
     LoadFactorLaw,
     gain_table,
     increment_g,
-    wanted_poles,
 )
+from flightbed.control.load_factor.settings import LoadFactorSettings
 from flightbed.core.signals import Measurement
 
 
@@ -59,11 +59,16 @@ class NzScheduled:
         return self._demand
 
 
-def build(settings: kinds.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+class NzScheduledSettings(LoadFactorSettings):
     """Load factor with gains of alpha, q, error and its integral, scheduled over measured dynamic pressure (Kemp S 6.1)."""
-    return NzScheduled(
-        gain_table(design.points, wanted_poles(settings)),
-        control_hz=control_hz,
-        elevator_trim_rad=design.elevator_trim_rad,
-        stops_rad=design.stops_rad,
-    )
+
+    law: Literal["nz-scheduled"] = "nz-scheduled"
+
+    def build(self, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+        """Return the law. Raises DesignError."""
+        return NzScheduled(
+            gain_table(design.points, self.wanted_poles()),
+            control_hz=control_hz,
+            elevator_trim_rad=design.elevator_trim_rad,
+            stops_rad=design.stops_rad,
+        )

@@ -227,6 +227,8 @@ class LoopGainPrior(EffectivenessPrior):
 class LoopGainSettings(EstimatorSettings):
     """Joint Kalman filter for alpha, q and K (Sillence Theorem 1): window, expanding or fading memory."""
 
+    reads_accelerometer: ClassVar[bool] = False
+
     on_short_period: ClassVar[Mapping[str, Any]] = MappingProxyType(  # those of Sillence's thesis
         {
             "alarm_threshold": 0.0,

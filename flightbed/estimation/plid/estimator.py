@@ -212,6 +212,8 @@ class PlidEffectiveness:
 class PlidSettings(EstimatorSettings):
     """Pseudo-linear identification (Kemp 1987) from elevator to pitch rate; K is the ratio of its numerator to the healthy one."""
 
+    reads_accelerometer: ClassVar[bool] = False
+
     on_short_period: ClassVar[Mapping[str, Any]] = MappingProxyType({"q_disturbance_deg_s2": 6.0})
 
     kind: Literal["plid"] = "plid"

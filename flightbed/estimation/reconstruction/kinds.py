@@ -19,6 +19,8 @@ from flightbed.estimation.reconstruction.regression import FollowingConfig
 class _Reconstruction(EstimatorSettings):
     """Keys of both methods; most concern the elevator's effectiveness and its test."""
 
+    reads_accelerometer: ClassVar[bool] = False
+
     on_short_period: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {"follow_disturbances": False, "alpha_disturbance_deg_s": 0.6, "q_disturbance_deg_s2": 6.0}
     )

@@ -332,6 +332,8 @@ class TwoStagePrior(Settings):
 class TwoStageSettings(EstimatorSettings):
     """Two-stage Kalman filter with forgetting (Wu, Zhang and Zhou 2000): of the elevator, or of all commanded surfaces."""
 
+    reads_accelerometer: ClassVar[bool] = False
+
     on_short_period: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {"follow_disturbances": False, "alpha_disturbance_deg_s": 0.6, "q_disturbance_deg_s2": 6.0}
     )

@@ -11,7 +11,8 @@ from flightbed.core.signals import Sample
 from flightbed.core.timing import interleaved, seconds
 from flightbed.estimation.base import Commanded
 from flightbed.flight.assembly import assemble
-from flightbed.flight.loop import fly, updater
+from flightbed.flight.composed import updater
+from flightbed.flight.loop import fly
 from flightbed.flight.plan import Plan, plan
 from flightbed.scenario.tables import Scenario
 

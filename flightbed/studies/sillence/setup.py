@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightbed.analysis.seeds import Flown, Job
+from flightbed.control.base import Gains
 from flightbed.core import data
 from flightbed.document.document import Section, Table
 from flightbed.scenario.reading import Scenario, load_scenario
@@ -20,6 +21,7 @@ from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import printed
 
 UNBOUNDED = (-1000.0, 1000.0)
+_INTEGRAL = -0.0001  # gain of the integral in the proportional-integral law
 SEARCH_RUNS = 25
 FINAL_TOLERANCE, ENTRY_TOLERANCE_S = 0.01, 0.08  # one unit of distance: medians against printed values
 
@@ -57,8 +59,25 @@ def estimator(name: str, memory: str = "window", setup: Setup = DEFAULT, **chang
     return {**base, "name": name, "input_at": setup.input_at, "bounds": UNBOUNDED, "prior": prior, **changes}
 
 
+def gains(law: str) -> dict[str, float]:
+    """Return the thesis's gains of a law, with the keys of ``control.gains``."""
+    given: dict[str, float] = _raw()["control"]["gains"]
+    return {**given, "integral": _INTEGRAL} if law == "proportional-integral" else dict(given)
+
+
+def law_gains(law: str) -> Gains:
+    """Return the thesis's gains of a law."""
+    given = gains(law)
+    return Gains(given["alpha"], given["q_s"], given["elevator"], given["reference_s"], given.get("integral", 0.0))
+
+
 WINDOW, EXPANDING = "window", "expanding"
 FAST = "window-smoothed-07"  # the window, smoothed by 0.7 instead of 0.9
+
+
+def changed(table: Mapping[str, Any], keys: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a table with other keys; keys with a kind replace the whole table, because each kind has its own keys."""
+    return keys if "kind" in keys else {**table, **keys}
 
 
 def thesis(
@@ -82,7 +101,8 @@ def thesis(
         noise: standard deviations of the readings of alpha, deg, and pitch rate, deg/s.
         estimators: settings of the estimators; if empty, the thesis's two filters, unbounded.
         setup: choices that the thesis leaves open.
-        tables: further tables of the scenario; keys of a table replace those of ``thesis-loss``, a list replaces the whole list.
+        tables: further tables of the scenario; keys of a table replace those of ``thesis-loss``, a list or a table with a kind replaces
+            the whole.
 
     """
     given = list(estimators) or [estimator(WINDOW, "window", setup), estimator(EXPANDING, "expanding", setup)]
@@ -91,11 +111,15 @@ def thesis(
         "failures": [] if left is None else [{"kind": "effectiveness", "at_s": at_s, "to": left}],
         "command": {"start_s": setup.start_s},
         "sensors": {"alpha_std_deg": noise[0], "q_std_deg_s": noise[1]},
-        "control": {"law": law, "state_from": "" if setup.fed_back == "readings" else setup.fed_back},
+        "control": {
+            "law": law,
+            "state_from": "" if setup.fed_back == "readings" else setup.fed_back,
+            "gains": gains(law),
+        },
         "adaptation": {"enabled": bool(adapts), "estimator": adapts},
     }
     for table, keys in (*settings.items(), *tables.items()):
-        raw[table] = {**raw.get(table, {}), **keys} if isinstance(keys, Mapping) else keys
+        raw[table] = changed(raw.get(table, {}), keys) if isinstance(keys, Mapping) else keys
     return load_scenario({**raw, "estimators": given})
 
 

@@ -25,7 +25,8 @@ from flightbed.estimation.two_stage.filter import (
     VariableForgetting,
 )
 from flightbed.flight.assembly import assemble
-from flightbed.flight.loop import Flight, fly
+from flightbed.flight.loop import fly
+from flightbed.flight.parts import Flight
 from flightbed.flight.plan import Plan, plan
 from flightbed.plant.airframe import JsbsimAirframe
 from flightbed.plant.base import Controls, Motion
