@@ -62,11 +62,10 @@ class Family:
         return own.maker(self.name)(settings, *arguments)
 
     def have(self, path: Sequence[int | str]) -> list[str]:
-        """Return the kinds that have a key, in quotes, given the path of the key inside the table."""
+        """Return the built-in kinds that have a key, given its path inside the table."""
         if path[0] in self.without:
             return []
-        found = [f"'{kind}'" for kind in families.built_in(self.name) if has_key(self.of(kind), path)]
-        return found or (["own code"] if has_key(self.plain, path) else [])
+        return [kind for kind in families.built_in(self.name) if has_key(self.of(kind), path)]
 
     def _settings(self, value: Any) -> Settings:
         if isinstance(value, self.base):
@@ -103,7 +102,10 @@ class Family:
 
     def _foreign(self, settings: type[Settings], kind: str, loc: Sequence[int | str], value: Any) -> InitErrorDetails:
         known = [key for key in known_keys(settings, loc[:-1]) if key not in self.without]
-        context = {"key": self.key, "kind": kind, "have": self.have(loc), "known": known}
+        have = [f"'{name}'" for name in self.have(loc)]
+        if not have and loc[0] not in self.without and has_key(self.plain, loc):
+            have = ["own code"]
+        context = {"key": self.key, "kind": kind, "have": have, "known": known}
         return {"type": PydanticCustomError("foreign", "unknown key", context), "loc": tuple(loc), "input": value}
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:

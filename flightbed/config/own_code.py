@@ -55,7 +55,7 @@ class Extension:
     factory: Callable[..., Any]
     sha256: str | None
     files: frozenset[str]
-    imports: Mapping[str, str] = field(default_factory=dict)
+    imports: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     @property
     def identity(self) -> Mapping[str, Any]:
@@ -102,7 +102,7 @@ class Packed:
     name: str
     pickled: bytes | None
     sha256: str | None
-    imports: Mapping[str, str]
+    imports: Mapping[str, str] = field(hash=False)
 
     def unpack(self) -> Extension:
         """Load the code. Raises ExtensionError if it cannot be loaded, or if its file has changed since it was packed."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from flightbed.cli.main import app
-from tests.command_line import COMMAND, assert_error, assert_one_clear_line, flightbed
+from tests.command_line import COMMAND, assert_error, assert_one_clear_line, call, flightbed
 
 COMMANDS = ("campaign", "compare", "compile", "linearize", "list", "reproduce", "run", "trim", "view")
 
@@ -80,7 +80,7 @@ def test_help_explains_every_argument_and_fits_80_columns(command: str, tmp_path
     shown = [argument for argument in arguments if not argument.children]
     assert shown or command == "compile"
     assert [argument.name for argument in shown if not argument.parameter.help] == []
-    done = flightbed(command, "--help", cwd=tmp_path)
+    done = call(command, "--help", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith(f"Usage: flightbed {command}")
     assert max(map(len, done.stdout.splitlines())) <= 80

@@ -27,19 +27,20 @@ from flightbed.analysis.seeds import Job, fly_jobs, processes
 from flightbed.analysis.summary_text import command
 from flightbed.avionics.onboard import OnBoard
 from flightbed.cli import main as cli
-from flightbed.config import families
+from flightbed.config import families, own_code
 from flightbed.config.kinds import CommandSettings, EstimatorSettings, PlainCommand, PlainEstimator
 from flightbed.config.options import Options
 from flightbed.config.own_code import load, names_without_option, use_options, using
 from flightbed.config.table import between, only_with
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
+from flightbed.core.sources import digest
 from flightbed.core.units import DEG
 from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainSettings
 from flightbed.failures.base import HealthHistory
 from flightbed.report.flight_report import rerun_command
 from flightbed.runs.run import run
-from flightbed.scenario.own_code import check_named, named_extensions
+from flightbed.scenario.own_code import check_named, named_extensions, named_plug_ins
 from flightbed.scenario.reading import load_scenario
 from tests.command_line import flightbed as command_line
 
@@ -709,3 +710,30 @@ def test_a_health_that_is_not_finite_is_named_with_its_time_and_value() -> None:
     )
     with using({"broken": broken}), pytest.raises(ExtensionError, match=message):
         flightbed.run(load_scenario("thesis-loss", keys))
+
+
+def test_the_sources_of_an_installed_kind_count_with_its_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site = tmp_path / "site-packages"
+    info = site / "plugged-1.dist-info"
+    for folder in (site / "plugged", info):
+        folder.mkdir(parents=True)
+    sources = {"plugged/__init__.py": "", "plugged/gain.py": "GAIN = 1.0\n", "beside.py": ""}
+    main = "import beside\nfrom plugged.gain import GAIN\ndef build(settings, onboard): ...\n"
+    for name, text in {**sources, "plugged/kind.py": main}.items():
+        (site / name).write_text(text)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: plugged\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[flightbed.estimators]\nplugged-kind = plugged.kind:build\n")
+    monkeypatch.syspath_prepend(site)
+    families._installed.cache_clear()
+    try:
+        scenario = load_scenario("nominal", ["estimators.0.kind=plugged-kind"])
+        hashes = {
+            name: hashlib.sha256(sources[name].encode()).hexdigest().encode() for name in sources if name != "beside.py"
+        }
+        assert named_plug_ins(scenario) == {"plugged-kind": digest({"": main.encode(), **hashes})}
+        assert named_plug_ins(load_scenario("nominal")) == {}
+    finally:
+        families._installed.cache_clear()
+        own_code.installed_sha256.cache_clear()

@@ -20,7 +20,7 @@ from flightbed.models.linear_aircraft import LinearAircraft
 from flightbed.models.trim import TrimPoint
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario.reading import load_scenario
-from tests.command_line import flightbed
+from tests.command_line import call
 
 # override -> error message; estimators on the schedule use the absolute input
 BEYOND = {
@@ -45,7 +45,7 @@ def test_each_unsupported_setting_of_a_linear_aircraft_is_an_error(override: str
 
 def test_all_unsupported_settings_are_reported_at_once(tmp_path: Path) -> None:
     sets = [text for override in BEYOND for text in ("--set", override)]
-    done = flightbed("run", "thesis-loss", *sets, cwd=tmp_path)
+    done = call("run", "thesis-loss", *sets, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.splitlines() == [f"flightbed: {line}" for line in BEYOND.values()]
     assert list(tmp_path.iterdir()) == []

@@ -176,7 +176,7 @@ _READINGS = ("left-out", "used")
 _RESAMPLES, _SEED = 400, 4  # bootstrap over the noise draws, for intervals of differences of distance
 
 
-def search() -> Part:
+def search(runs: int = SEARCH_RUNS) -> Part:
     """Fly the set-ups that the thesis leaves open and rank them by their distance from the print."""
     jobs: dict[tuple[float, str, str, float], Job] = {}
     variants = list(product(_INPUTS, _READINGS))
@@ -186,10 +186,10 @@ def search() -> Part:
             # The expanding filter uses a thousand readings: the reading at the prior's sample is negligible.
             filters += [estimator(f"{EXPANDING}-{i}", EXPANDING, Setup(i)) for i in _INPUTS]
             jobs[start_s, "", "readings", left] = Job(
-                thesis(left=left, estimators=filters, setup=Setup(start_s=start_s)), SEARCH_RUNS
+                thesis(left=left, estimators=filters, setup=Setup(start_s=start_s)), runs
             )
         for input_at, fed in product(_INPUTS, (WINDOW, EXPANDING)):
-            jobs[0.0, input_at, fed, left] = Job(thesis(left=left, setup=Setup(input_at, fed_back=fed)), SEARCH_RUNS)
+            jobs[0.0, input_at, fed, left] = Job(thesis(left=left, setup=Setup(input_at, fed_back=fed)), runs)
 
     def build(flown: Mapping[tuple[float, str, str, float], list[Flown]]) -> Section:
         return _section(sorted(_candidates(flown), key=lambda candidate: candidate.distance))
@@ -269,8 +269,8 @@ def _section(candidates: Sequence[Candidate]) -> Section:
     table = Table(
         "setups", "Set-ups of the linear experiment, nearest to the print first (K_1 = 0.8, 0.6, 0.4, 0.2, 0.1)", columns, rows,
         {"distance": ".3f", "largest": ".3f", "doublets start, s": ".2f", "further than the nearest": ".3f"},
-        note=f"Medians over {SEARCH_RUNS} noise draws. Distance: root mean square of the 15 differences of Tables 4 and 5 from the print, "
-        f"in units of {FINAL_TOLERANCE} of K and {ENTRY_TOLERANCE_S} s; largest: the largest of them.",
+        note=f"Medians over {candidates[0].values.shape[1]} noise draws. Distance: root mean square of the 15 differences of Tables 4 and "
+        f"5 from the print, in units of {FINAL_TOLERANCE} of K and {ENTRY_TOLERANCE_S} s; largest: the largest of them.",
     )  # fmt: skip
     nearest = [t.setup for t, interval in zip(candidates, apart, strict=True) if interval.low <= 0.0]
     kept = "it is among them" if DEFAULT in nearest else "it is not"

@@ -67,8 +67,10 @@ def test_the_deflection_that_acts_is_found_and_k_with_it(seed: int) -> None:
         assert trace[f"{name}.alarms"][-1] == 0.0  # K explains it all
 
 
-def _readings(scenario: Scenario) -> list[tuple[Measurement, float]]:
-    return [(sample.measurement, sample.elevator_cmd_rad) for sample in fly(assemble(plan(scenario)))]
+@cache
+def _readings(name: str, *settings: str) -> list[tuple[Measurement, float]]:
+    """Fly a scenario as it stands, without the reconstructions, and return its readings and commands; each flight once."""
+    return [(s.measurement, s.elevator_cmd_rad) for s in fly(assemble(plan(load_scenario(name, settings))))]
 
 
 def _new(scenario: Scenario, name: str) -> ElevatorReconstruction:
@@ -81,10 +83,11 @@ def _new(scenario: Scenario, name: str) -> ElevatorReconstruction:
 @pytest.mark.parametrize("name", NAMES)
 def test_neither_position_nor_command_nor_k_enter_the_reconstruction(name: str) -> None:
     """With a constant elevator reading, the reconstruction is bit-identical; K differs."""
-    scenario = load_scenario("elevator-loss", [*BOTH, "duration_s=6"])
+    short = "duration_s=6"
+    scenario = load_scenario("elevator-loss", [*BOTH, short])
     estimator, blind = _new(scenario, name), _new(scenario, name)
     last = []
-    for measurement, command in _readings(scenario):
+    for measurement, command in _readings("elevator-loss", short):
         hidden = measurement._replace(elevator_rad=0.05, elevator_mean_rad=0.05)
         one, other = estimator.update(measurement), blind.update(hidden)
         estimator.commanded(command)  # type: ignore[attr-defined]
@@ -128,6 +131,7 @@ def test_a_hardover_is_recognised_before_the_aircraft_is_lost(name: str) -> None
     assert offset_signs == ACTUATOR
 
 
+@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "settings",
     [
@@ -140,35 +144,35 @@ def test_a_hardover_is_recognised_before_the_aircraft_is_lost(name: str) -> None
     ],
     ids=["calm", "level", "turbulence", "delay", "noisy position", "ramp"],
 )
-def test_nothing_is_declared_where_k_explains_all(settings: list[str]) -> None:
-    for seed in range(10 if "command.kind=none" in settings else 3):  # level: the elevator answers to little but noise
+def test_nothing_is_declared_where_k_explains_all(settings: list[str], seeds: int) -> None:
+    level = "command.kind=none" in settings  # the elevator answers to little but noise
+    for seed in range(3 * seeds + 1 if level else seeds):
         trace = _flown("elevator-loss", *settings, f"seed={seed}")
         assert len(trace) == 1650
         for name in NAMES:
             assert trace[f"{name}.alarms"][-1] == 0.0, (name, seed)
 
 
+@pytest.mark.parametrize("seeds", [2, pytest.param(5, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("command", "least"), [("doublet", 0.14), ("none", 0.5)])
-def test_in_a_closed_loop_the_threshold_alone_does_not_hold(name: str, command: str, least: float) -> None:
-    """A tenth of 550 windows should exceed it on each side; the law responds to the noise, and o is biased. Hence the tolerance."""
+def test_in_a_closed_loop_the_threshold_alone_does_not_hold(name: str, command: str, least: float, seeds: int) -> None:
+    """A tenth of the windows should exceed it on each side; the law responds to the noise, and o is biased. Hence the tolerance."""
     loose = [
         f"estimators.{i}.{key}"
         for i in (1, 2)
         for key in ("offset_deg=1e-9", "false_alarm=0.02", "follow_disturbances=false")
     ]
     windows, above = 0, 0
-    for seed in range(5):
-        scenario = load_scenario(
-            "elevator-loss", [*BOTH, "failures=[]", f"command.kind={command}", f"seed={seed}", *loose]
-        )
-        estimator = _new(scenario, name)
-        for measurement, _ in _readings(scenario):
+    for seed in range(seeds):
+        flight = ("failures=[]", f"command.kind={command}", f"seed={seed}")
+        estimator = _new(load_scenario("elevator-loss", [*BOTH, *flight, *loose]), name)
+        for measurement, _ in _readings("elevator-loss", *flight):
             estimator.update(measurement)
             closed = estimator._memory.ages[1 : 1 + STAGGERED] == 0.0
             windows += int(closed.sum())
             above += int(np.sum(estimator._memory.offset_signs[1 : 1 + STAGGERED][closed] > 0.0))
-    assert windows == 550
+    assert windows == 110 * seeds
     assert above > least * windows
 
 
@@ -248,9 +252,12 @@ def test_a_flight_with_a_reconstruction_is_left_to_fly() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_the_law_can_be_corrected_by_it(name: str) -> None:
     own = run(load_scenario("elevator-loss", [*BOTH, f"adaptation.estimator={name}"]))
-    theirs = run(load_scenario("elevator-loss", BOTH))
     assert not own.summary.metrics.departed
-    found, best = own.summary.metrics.tracking_rms_post_deg_s, theirs.summary.metrics.tracking_rms_post_deg_s
+    theirs = _flown("elevator-loss", "seed=0")
+    late = theirs["t_s"] >= 4.8 - 1e-9
+    found = own.summary.metrics.tracking_rms_post_deg_s
+    best = np.sqrt(np.mean((theirs["q_deg_s"] - theirs["q_ref_deg_s"])[late] ** 2))
+    assert found is not None
     assert found < 1.3 * best
 
 
@@ -262,12 +269,14 @@ def test_it_flies_where_aileron_and_rudder_are_commanded(name: str) -> None:
     assert np.sqrt(np.mean(_error(trace, name)[100:] ** 2)) < 0.6
 
 
+CALM = ("failures=[]", "duration_s=4")
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_readings_that_jump_put_it_to_the_readings(name: str) -> None:
     """After a spike of 1000 deg/s the estimator restarts and is accurate again within a second."""
-    scenario = load_scenario("elevator-loss", [*BOTH, "failures=[]", "duration_s=4"])
-    estimator, errors = _new(scenario, name), []
-    for k, (measurement, _) in enumerate(_readings(scenario)):
+    estimator, errors = _new(load_scenario("elevator-loss", [*BOTH, *CALM]), name), []
+    for k, (measurement, _) in enumerate(_readings("elevator-loss", *CALM)):
         spike = measurement._replace(q_rad_s=2000.0) if k == 200 else measurement
         found = estimator.update(spike)
         assert np.all(np.isfinite(found))
@@ -278,9 +287,8 @@ def test_readings_that_jump_put_it_to_the_readings(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("field", ["alpha_rad", "elevator_mean_rad", "mach"])
 def test_readings_that_are_not_finite_give_nan_and_the_estimate_recovers(name: str, field: str) -> None:
-    scenario = load_scenario("elevator-loss", [*BOTH, "failures=[]", "duration_s=4"])
-    estimator, errors, estimates = _new(scenario, name), [], []
-    for k, (measurement, _) in enumerate(_readings(scenario)):
+    estimator, errors, estimates = _new(load_scenario("elevator-loss", [*BOTH, *CALM]), name), [], []
+    for k, (measurement, _) in enumerate(_readings("elevator-loss", *CALM)):
         estimates.append(estimator.update(measurement._replace(**{field: np.nan}) if 200 <= k < 205 else measurement))
         errors.append((estimates[-1].reconstructed_rad - measurement.elevator_mean_rad) / DEG)
     assert all(np.isnan(found.effectiveness_smoothed) for found in estimates[200:205])
@@ -351,7 +359,7 @@ def test_its_keys_are_welcome_where_they_act() -> None:
 
 
 def test_every_key_of_the_method_does_something() -> None:
-    readings = _readings(load_scenario("elevator-bias", ["duration_s=8"]))
+    readings = _readings("elevator-bias", "duration_s=8")
 
     def final(table: str, *more: str) -> tuple[float, ...]:
         scenario = load_scenario("elevator-loss", ["adaptation.enabled=false", table, *more])
