@@ -307,9 +307,9 @@ def test_both_laws_in_one_recording_and_on_one_page(tmp_path: Path) -> None:
          "control.gains: 'nz-adaptive' has no such key ('proportional', 'proportional-integral' have it); remove it"),
         (["control.law=nz-scheduled", "adaptation.feedback=position"],
          "adaptation.feedback: has no effect with control.law = 'nz-scheduled'"),
-        (['estimators=[{name="p", kind="plid"}]', "estimators.0.window=9"], "estimators.0.window: has no effect with estimators.0.kind = 'plid'"),
+        (['estimators=[{name="p", kind="plid"}]', "estimators.0.window=9"], "estimators.0.window: 'plid' has no such key ('input-kalman', 'loop-gain', 'retrospective-cost', 'two-stage' have it)"),
         (['estimators=[{name="p"}]', "estimators.0.block_fade=1.1"],
-         "estimators.0.block_fade: has no effect with estimators.0.kind = 'loop-gain'"),
+         "estimators.0.block_fade: 'loop-gain' has no such key ('plid' has it)"),
     ],
 )  # fmt: skip
 def test_contradictions_and_idle_keys(sets: list[str], problem: str) -> None:

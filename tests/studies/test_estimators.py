@@ -454,12 +454,13 @@ def test_several_are_compared_and_one_under_two_settings(here: Path, capsys: pyt
         (["--use", "mine.py:Mime"], "", "has no 'Mime'; did you mean Mine?"),
         (["--use", "mine.py:Broken"], "", "--use mine.py:Broken: breaks the contract of an estimator: estimate: update returns a float"),
         (["--use", "mine.py:Mine", "--settings", "none.toml"], "", "none.toml: cannot be read"),
-        (["--use", "mine.py:Mine", "--settings", "own.toml"], "windw = 3", "own.toml: unknown key windw; did you mean window?"),
-        (["--use", "mine.py:Mine", "--settings", "own.toml"], "window = 1", "own.toml: window: must be"),
+        (["--use", "mine.py:Mine", "--settings", "own.toml"], "smothing = 0.5", "own.toml: unknown key smothing; did you mean smoothing?"),
+        (["--use", "mine.py:Mine", "--settings", "own.toml"], "smoothing = 1.0", "own.toml: smoothing: must be"),
         (["--use", "mine.py:Mine", "--settings", "own.toml"], "name = 'scheduled'", "own.toml: name: is that of another estimator"),
         (["--settings", "own.toml"], "name = 'x'", "own.toml: kind: is missing; name the estimator that these settings are for"),
         (["--settings", "own.toml"], "kind = 'mine.py:Mine'", "is code outside flightbed; add --use mine.py:Mine to allow it"),
-        (["--settings", "own.toml"], "kind = 'loop-gain'\nmemory = 'variable'\nname = 'x'", "own.toml: no flight of the study takes it: "),
+        (["--use", "mine.py:Mine", "--settings", "own.toml"], "window = 30", "own.toml: window: 'mine.py:Mine' has no such key"),
+        (["--settings", "own.toml"], "kind = 'loop-gain'\ninput = 'deviation'\nname = 'x'", "own.toml: no flight of the study takes it: "),
     ],
 )  # fmt: skip
 def test_what_cannot_be_compared_is_refused_in_one_line_before_anything_is_flown(

@@ -11,7 +11,6 @@ import pytest
 
 from flightbed.analysis.trace import Trace, collect, read_trace
 from flightbed.avionics.onboard import OnBoard
-from flightbed.config import families
 from flightbed.core.actuator import Actuator, ActuatorOnBoard
 from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Measurement
@@ -301,11 +300,10 @@ def test_readings_that_are_not_finite_give_nan_and_the_estimate_recovers(name: s
 def test_a_missing_schedule_is_an_error() -> None:
     planned = plan(load_scenario("nominal", ["estimators=[]", "adaptation.enabled=false"]))
     assert planned.schedule is None
-    onboard = families.factory("estimators", "input-kalman")
     settings = load_scenario("elevator-loss", BOTH).estimators[2]
     board = OnBoard(planned.design, sensor_noise(planned.scenario), 100)
     with pytest.raises(ValueError, match="the estimator's model is the schedule, but there is none on board"):
-        onboard(settings, board)
+        settings.build(board)
     config = ReconstructionConfig(WalkSettings(), scheduled=False)
     found = ElevatorReconstruction(config, board).update(Measurement(0.01, 0.0, -0.02, -0.02))
     assert np.isfinite(found.reconstructed_rad)
@@ -321,21 +319,21 @@ GUST = 'estimators.0={name="one", kind="retrospective-cost", unknown="gust"}'
 @pytest.mark.parametrize(
     ("overrides", "problem"),
     [
-        ([ONE, "estimators.0.window=5"], "estimators.0.window: must be at least 6 with kind = 'retrospective-cost' (got 5)"),
-        ([ONE, "estimators.0.input_step_deg=1"], "estimators.0.input_step_deg: has no effect with estimators.0.kind = 'retrospective-cost'"),
-        ([ONE, "estimators.0.memory=window"], "estimators.0.memory: has no effect with estimators.0.kind = 'retrospective-cost'"),
-        ([ONE, "estimators.0.prior.state=fixed"], "estimators.0.prior.state: has no effect with estimators.0.kind = 'retrospective-cost'"),
-        *(([WALK, f"estimators.0.{key}=1"], f"estimators.0.{key}: has no effect with estimators.0.kind = 'input-kalman'") for key in ("order", "horizon", "regularization", "initial_covariance", "input_forgetting", "saturation_deg")),
+        ([ONE, "estimators.0.window=5"], "estimators.0.window: must be between 6 and 10000 (got 5)"),
+        ([ONE, "estimators.0.input_step_deg=1"], "estimators.0.input_step_deg: 'retrospective-cost' has no such key ('input-kalman' has it); remove it"),
+        ([ONE, "estimators.0.memory=window"], "estimators.0.memory: 'retrospective-cost' has no such key ('loop-gain', 'two-stage' have it); remove it"),
+        ([ONE, "estimators.0.prior.state=fixed"], "estimators.0.prior.state: 'retrospective-cost' has no such key ('loop-gain' has it); remove it"),
+        *(([WALK, f"estimators.0.{key}=1"], f"estimators.0.{key}: 'input-kalman' has no such key ('retrospective-cost' has it); remove it") for key in ("order", "horizon", "regularization", "initial_covariance", "input_forgetting", "saturation_deg")),
         *(([GUST, f"estimators.0.{key}=0.5"], f"estimators.0.{key}: has no effect with estimators.0.unknown = 'gust'") for key in ("forgetting", "smoothing", "false_alarm", "offset_deg", "alpha_disturbance_deg_s")),
-        *(([f"estimators.0.{key}=1"], f"estimators.0.{key}: has no effect with estimators.0.kind = 'loop-gain'") for key in ("order", "offset_deg", "input_step_deg")),
-        (["estimators.0.unknown=gust"], "estimators.0.unknown: has no effect with estimators.0.kind = 'loop-gain'"),
-        ([GUST, "adaptation.enabled=true", "adaptation.estimator=one"], "adaptation.estimator: must estimate the elevator (got 'one', whose unknown is the gust)"),
-        (["gusts.0={at_s=1, up_fps=5}"], "gusts.0.rise_s: is missing; a gust of shape '1-cos' needs it"),
-        (["gusts.0={at_s=1, up_fps=5, shape='sine'}"], "gusts.0.frequency_hz: is missing; a gust of shape 'sine' needs it"),
-        (["gusts.0={at_s=1, up_fps=5, shape='sine', frequency_hz=1}", "gusts.0.rise_s=1"], "gusts.0.rise_s: has no effect with gusts.0.shape = 'sine'"),
+        *(([f"estimators.0.{key}=1"], f"estimators.0.{key}: 'loop-gain' has no such key ('{only}' has it); remove it") for key, only in (("order", "retrospective-cost"), ("input_step_deg", "input-kalman"))),
+        *(([f"estimators.0.{key}={value}"], f"estimators.0.{key}: 'loop-gain' has no such key ('input-kalman', 'retrospective-cost' have it); remove it") for key, value in (("offset_deg", 1), ("unknown", "gust"))),
+        ([GUST, "adaptation.enabled=true", "adaptation.estimator=one"], "adaptation.estimator: must estimate the elevator's effectiveness (got 'one', which does not)"),
+        (["gusts.0={at_s=1, up_fps=5}"], "gusts.0.rise_s: is missing"),
+        (["gusts.0={at_s=1, up_fps=5, shape='sine'}"], "gusts.0.frequency_hz: is missing"),
+        (["gusts.0={at_s=1, up_fps=5, shape='sine', frequency_hz=1}", "gusts.0.rise_s=1"], "gusts.0.rise_s: 'sine' has no such key ('1-cos' has it); remove it"),
         (["gusts.0={at_s=1, up_fps=5, shape='sine', frequency_hz=50}"],
          "gusts.0.frequency_hz: must be below half of rates.control_hz = 100, the Nyquist frequency (got 50)"),
-        (["gusts.0={at_s=1, up_fps=5, rise_s=1}", "gusts.0.frequency_hz=1"], "gusts.0.frequency_hz: has no effect with gusts.0.shape = '1-cos'"),
+        (["gusts.0={at_s=1, up_fps=5, rise_s=1}", "gusts.0.frequency_hz=1"], "gusts.0.frequency_hz: '1-cos' has no such key ('sine' has it); remove it"),
     ],
 )  # fmt: skip
 def test_keys_that_contradict_or_have_no_effect_are_refused(overrides: list[str], problem: str) -> None:
