@@ -9,7 +9,6 @@ import json
 import re
 import signal
 import sys
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import module_from_spec, spec_from_file_location
 from math import inf, isnan
@@ -18,16 +17,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flightbed.consistency import detectors
 from scipy.stats import binomtest
 
-from flightbed import cli, registry
-from flightbed.consistency import detectors
+from flightbed import cli
 from flightbed.document import Document, show
 from flightbed.ensemble import Job, fly_jobs
 from flightbed.studies.base import Trials, reproduce, run_trials
 from flightbed.studies.estimators import choice, measures, tables
 from flightbed.studies.estimators.comparison import Comparison, Key
-from flightbed.studies.estimators.entrants import CHANGED, ENTRANTS, FIXED, HEALTHY, TRUE_K, Entrant
+from flightbed.studies.estimators.entrants import CHANGED, ENTRANTS, FIXED, HEALTHY, TRUE_K
 from flightbed.studies.estimators.flights import FLIGHTS, Course
 from flightbed.studies.estimators.measures import Corrected, Estimates, Healthy, Results, measured
 from flightbed.studies.estimators.study import study
