@@ -25,6 +25,7 @@ def test_the_wheel_holds_the_package_and_its_data_and_nothing_else(tmp_path: Pat
             if path.is_file() and path.suffix not in (".pyc", ".nbi", ".nbc")
         ]
         expected |= {f"{place}/{path.relative_to(ROOT / folder).as_posix()}" for path in files}
+    expected.add("flightbed/scenarios/schema/aircraft.json")  # the path in aircraft.toml, from an aircraft's folder
     assert names == expected
     assert {
         "flightbed/py.typed",

@@ -265,7 +265,7 @@ def summarize(plan: Plan, trace: Trace, metrics: Metrics, margins: MarginSummary
         realtime=punctuality(trace, control_hz=scenario.rates.control_hz),
         versions={**versions(), "rerun-sdk": version("rerun-sdk")},
         source_sha256=source_sha256(),
-        environment=environment(),
+        environment=dict(environment()),
         plug_ins=named_plug_ins(scenario),
         margins=margins,
     )

@@ -13,7 +13,7 @@ from flightbed.cli.screen import stderr
 # Beginning of the dotted name of a kernel -> its name for users, and the seconds that the kernels of this name take for one flight,
 # measured with an empty cache on one core of a busy server of 2024. The first that fits.
 PARTS = (
-    ("flightbed.flight.computer.", "the flight computer", 8),
+    ("flightbed.flight.", "the flight computer", 8),
     ("flightbed.estimation.loop_gain.", "the loop-gain estimator", 6),
     ("flightbed.estimation.two_stage.", "the two-stage estimator", 25),
     ("flightbed.estimation.plid.", "the PLID estimator", 2),

@@ -152,7 +152,7 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
         (MACH.replace("condition.mach", "condition.mch"), "axes.0: unknown key condition.mch; did you mean mach?"),
         (MACH.replace("condition.mach", "failures.3.to"), "axes.0: failures.3.to: '3' must be an index from 0 to 1 (1 adds one)"),
         (MACH.replace("condition.mach", "seed"), "axes.0.key: 'seed' cannot be varied; name the key of a single number or text"),
-        (MACH.replace("condition.mach", "failures.0.over_s"), "axes.0: failures.0.over_s: 'effectiveness' has no such key ('ramp' has it); remove it"),
+        (MACH.replace("condition.mach", "failures.0.over_s"), "axes.0.key: failures.0.over_s has no effect with kind = 'effectiveness'"),
         ('[[criteria]]\nmetric = "departd"\nequals = false\n', "criteria.0.metric: there is no metric 'departd'; did you mean departed?"),
         ('[[criteria]]\nmetric = "departed"\n', "criteria.0: needs equals, min or max"),
         ('[traces]\nkeep = "chosen"\nindices = [7]\n', "traces.indices: must be below 3, the number of flights (got 7)"),

@@ -13,7 +13,9 @@ import pytest
 from flightbed.cli.main import app
 from tests.command_line import COMMAND, assert_error, assert_one_clear_line, call, flightbed
 
-COMMANDS = ("campaign", "compare", "compile", "linearize", "list", "reproduce", "run", "trim", "view")
+COMMANDS = (
+    "campaign", "compare", "compile", "keys", "linearize", "list", "new", "reproduce", "run", "schema", "trim", "upgrade", "view",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,7 @@ def test_the_first_flight_of_a_fresh_cache_says_so_and_the_second_does_not(tmp_p
     first, second = (
         subprocess.run(command, env=env, cwd=tmp_path, capture_output=True, text=True, check=True) for _ in range(2)
     )
-    assert first.stderr.splitlines()[0].startswith("compiling the flight computer, once, about ")
+    lines = [line for line in first.stderr.splitlines() if "dropped from the file" not in line]
+    assert lines[0].startswith("compiling the flight computer, once, about ")
     assert second.stderr == ""
     assert list((tmp_path / "kernels").rglob("*.kernel"))

@@ -263,7 +263,7 @@ def test_invalid_settings_have_an_error_message(settings: list[str], problem: st
 
 @pytest.mark.parametrize("failures", [[], [{"kind": "bias", "at_s": 1.0, "bias_deg": 1.0}]])
 def test_a_linear_aircraft_has_neither_roll_and_yaw_nor_actuators(failures: list[dict[str, Any]]) -> None:
-    raw = load_scenario("thesis-loss").model_dump(by_alias=True, exclude_none=True)
+    raw = load_scenario("thesis-loss").to_dict()
     raw |= {"failures": failures} if failures else {"lateral": {"enabled": True}}
     with pytest.raises(
         ScenarioError, match="failures.0.kind: 'bias'" if failures else "lateral.enabled: must be False"

@@ -305,7 +305,7 @@ def test_both_laws_in_one_recording_and_on_one_page(tmp_path: Path) -> None:
          "control.autothrottle.high_norm: has no effect with control.autothrottle.enabled = false"),
         (["control.gains={alpha=1, q_s=1, elevator=0, reference_s=1}"],
          "control.gains: 'nz-adaptive' has no such key ('proportional', 'proportional-integral' have it); remove it"),
-        (["control.law=nz-scheduled", "adaptation.feedback=position"],
+        (["control.law=nz-scheduled", "adaptation.enabled=true", "adaptation.feedback=position"],
          "adaptation.feedback: has no effect with control.law = 'nz-scheduled'"),
         (['estimators=[{name="p", kind="plid"}]', "estimators.0.window=9"], "estimators.0.window: 'plid' has no such key ('input-kalman', 'loop-gain', 'retrospective-cost', 'two-stage' have it)"),
         (['estimators=[{name="p"}]', "estimators.0.block_fade=1.1"],

@@ -1,4 +1,4 @@
-"""The study of all estimators over one short flight, for tests of what is round it."""
+"""The study of all estimators over one short flight, for tests of its command and its folder."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import json
 import re
 import signal
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.util import module_from_spec, spec_from_file_location
 from math import inf, isnan
 from pathlib import Path
@@ -17,19 +17,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flightbed.consistency import detectors
 from scipy.stats import binomtest
 
-from flightbed import cli
-from flightbed.document import Document, show
-from flightbed.ensemble import Job, fly_jobs
+from flightbed.analysis.seeds import Job, fly_jobs
+from flightbed.cli import main as cli
+from flightbed.config import families
+from flightbed.document.document import Document, show
+from flightbed.scenario.estimates import detectors
 from flightbed.studies.base import Trials, reproduce, run_trials
 from flightbed.studies.estimators import choice, measures, tables
 from flightbed.studies.estimators.comparison import Comparison, Key
 from flightbed.studies.estimators.entrants import CHANGED, ENTRANTS, FIXED, HEALTHY, TRUE_K
 from flightbed.studies.estimators.flights import FLIGHTS, Course
 from flightbed.studies.estimators.measures import Corrected, Estimates, Healthy, Results, measured
-from flightbed.studies.estimators.study import study
+from flightbed.studies.estimators.study import SECTIONS, study
 from tests.command_line import assert_one_clear_line
 from tests.studies.short_comparison import SHORT
 
@@ -50,36 +51,25 @@ def tool() -> Any:
     return module
 
 
-@dataclass(frozen=True)
-class Flown:
-    """A comparison, its results, and its report."""
-
-    results: Results
-    document: Document
-
-
-def _fly(compared: Comparison, runs: int = 1) -> Flown:
-    """Fly a comparison here; the report is made of the same flights."""
+def _fly(compared: Comparison, runs: int = 1) -> Results:
+    """Fly a comparison here and now."""
     unfit = compared.unfit()
     jobs = compared.jobs(runs, unfit)
     flights = {key: job for key, job in jobs.items() if isinstance(job, Job)}
     trials = {key: job for key, job in jobs.items() if isinstance(job, Trials)}
     found: dict[Key, list[Any]] = dict(zip(flights, fly_jobs(list(flights.values())), strict=True))
     tried = run_trials(list(trials.values()), executor=None, progress=lambda _: None)
-    found |= dict(zip(trials, tried, strict=True))
-    sections = [part.build([found[key] for key in jobs]) for part in study(compared).parts(runs)]
-    return Flown(measured(compared, runs, unfit, found), Document("", sections, {"runs_of_each_case": runs}))
+    return measured(compared, runs, unfit, {**found, **dict(zip(trials, tried, strict=True))})
+
+
+def _document(results: Results) -> Document:
+    return Document("", [section(results) for section in SECTIONS], {"runs_of_each_case": results.runs})
 
 
 @pytest.fixture(scope="module")
-def whole() -> Flown:
+def smoke() -> Results:
     """The whole set, flown once, each flight cut short."""
     return _fly(QUICK)
-
-
-@pytest.fixture(scope="module")
-def smoke(whole: Flown) -> Results:
-    return whole.results
 
 
 def _skeleton(text: str) -> list[tuple[list[str], list[str]]]:

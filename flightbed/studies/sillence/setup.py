@@ -76,8 +76,8 @@ FAST = "window-smoothed-07"  # the window, smoothed by 0.7 instead of 0.9
 
 
 def changed(table: Mapping[str, Any], keys: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a table with other keys; keys with a kind replace the whole table, because each kind has its own keys."""
-    return keys if "kind" in keys else {**table, **keys}
+    """Return a table with other keys; those of a kind, or of a table that is off, replace the whole table: others have no effect there."""
+    return keys if "kind" in keys or keys.get("enabled") is False else {**table, **keys}
 
 
 def thesis(
@@ -116,7 +116,7 @@ def thesis(
             "state_from": "" if setup.fed_back == "readings" else setup.fed_back,
             "gains": gains(law),
         },
-        "adaptation": {"enabled": bool(adapts), "estimator": adapts},
+        "adaptation": {"enabled": True, "estimator": adapts} if adapts else {"enabled": False},
     }
     for table, keys in (*settings.items(), *tables.items()):
         raw[table] = changed(raw.get(table, {}), keys) if isinstance(keys, Mapping) else keys
