@@ -93,7 +93,7 @@ def fly_scenario(
     planned = plan(scenario)
     flight = assemble(planned)
     watcher = None if watch is None else watch(planned, predicted_readings(flight, scenario))
-    ready()
+    ready(flight)
     margins = margins_of(planned, flight)
     began = time.perf_counter()
     trace = fly_trace(flight, scenario, pace, watcher)
@@ -125,7 +125,8 @@ def fly_trace(flight: Flight, scenario: Scenario, pace: Clock | None = None, wat
     if pace is None and watch is None and not own:
         rows = rows_of(flight)
         if rows is not None:
-            return from_rows(rows, estimators=names, control_hz=control_hz)
+            has = {"lateral": flight.lateral is not None, "load_factor": flight.load_factor is not None}
+            return from_rows(rows, estimators=names, control_hz=control_hz, **has)
     samples = fly_loop(flight, Composed(flight) if own else computer_of(flight))
     if pace is not None:
         samples = paced(samples, control_hz=control_hz, clock=pace, record=timings.extend)

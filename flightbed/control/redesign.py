@@ -76,6 +76,8 @@ class RedesignedPitch:
     Attributes:
         gains: present gains.
         effectiveness: K of their design.
+        law: present proportional law.
+        keep: share of the step at a switch that remains after a tick.
 
     Raises:
         DesignError: as ``pitch_lq``.
@@ -84,9 +86,9 @@ class RedesignedPitch:
 
     def __init__(self, design: ShortPeriod, weights: PitchWeights, *, control_hz: int) -> None:
         self._design, self._weights, self._hz = design, weights, control_hz
-        self._keep = exp(-1.0 / (_BUMP_S * control_hz))
+        self.keep = exp(-1.0 / (_BUMP_S * control_hz))
         self.gains, self.effectiveness = pitch_lq(design, weights, control_hz=control_hz), 1.0
-        self._law = self._with(self.gains)
+        self.law = self._with(self.gains)
         self._bump, self._last, self._is_new = 0.0, 0.0, False
 
     def _with(self, gains: Gains) -> Proportional:
@@ -98,12 +100,12 @@ class RedesignedPitch:
         """Redesign for another K; the next demand uses the new gains. Raises DesignError."""
         self.gains = pitch_lq(self._design, self._weights, control_hz=self._hz, effectiveness=effectiveness)
         self.effectiveness = effectiveness
-        self._law, self._is_new = self._with(self.gains), True
+        self.law, self._is_new = self._with(self.gains), True
 
     def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:
         """Return the command, rad."""
-        found = self._law.demand(measurement, q_ref_rad_s=q_ref_rad_s, elevator_rad=elevator_rad, hold=hold)
-        self._bump *= self._keep
+        found = self.law.demand(measurement, q_ref_rad_s=q_ref_rad_s, elevator_rad=elevator_rad, hold=hold)
+        self._bump *= self.keep
         if self._is_new:
             self._bump, self._is_new = self._last - found, False
         self._last = found + self._bump

@@ -46,6 +46,7 @@ class RollYaw:
         N: (2, 2).
         closed_loop: (5, 5), of (beta, p, r, aileron, rudder) over a tick.
         effectiveness: K of aileron and rudder of the design.
+        keep: share of the step at a redesign that remains after a tick.
 
     Raises:
         DesignError: the surfaces do not control the model.
@@ -57,7 +58,7 @@ class RollYaw:
         self._design, self._hz = design, control_hz
         self._Q = np.diag([w.beta_rad**-2, w.p_rad_s**-2, w.r_rad_s**-2, 0.0, 0.0])
         self._R = np.diag([w.aileron_rad**-2, w.rudder_rad**-2])
-        self._keep = exp(-1.0 / (_BUMP_S * control_hz))
+        self.keep = exp(-1.0 / (_BUMP_S * control_hz))
         self._bump, self._last, self._is_new = [0.0, 0.0], (0.0, 0.0), False
         self._solve((1.0, 1.0))
 
@@ -109,7 +110,7 @@ class RollYaw:
             for n, f in zip(self._N, self._F, strict=True)
         ]
         bump = self._bump
-        bump[0], bump[1] = bump[0] * self._keep, bump[1] * self._keep
+        bump[0], bump[1] = bump[0] * self.keep, bump[1] * self.keep
         if self._is_new:
             bump[0], bump[1], self._is_new = self._last[0] - found[0], self._last[1] - found[1], False
         self._last = found[0] + bump[0], found[1] + bump[1]

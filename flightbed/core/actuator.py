@@ -41,6 +41,14 @@ class ActuatorOnBoard:
         self._commands: list[float] = []
         self._lagged = self._position = nan
 
+    def packed(self) -> dict[str, float]:
+        """Return the numbers of a new one by name, for compiled callers."""
+        actuator = self._actuator
+        return {
+            "has_actuator": 1.0, "delay": self._delay, "share": self._share, "mean": self._mean, "step": self._step,
+            "low": actuator.min_rad, "high": actuator.max_rad, "lagged": nan, "position": nan,
+        }  # fmt: skip
+
     def commanded(self, command: float) -> None:
         """Take the command of a tick; at the first tick the actuator is at its command."""
         self._commands.append(command)

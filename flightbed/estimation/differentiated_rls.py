@@ -22,8 +22,10 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.config.kinds import EffectivenessPrior, EstimatorSettings
 from flightbed.config.table import between
 from flightbed.core.compiled import Array, compiled
+from flightbed.core.records import records
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.estimation.loop_gain.filter_bank import TickResult
+from flightbed.estimation.packed import ESTIMATE
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class RlsConfig:
 
 
 @compiled
-def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) -> TickResult:
+def take(state: Array, settings: Array, schedule: Array, now: Array, k: int) -> TickResult:
     """Take the readings of tick k; return the fields of an Estimate.
 
     Args:
@@ -106,6 +108,22 @@ def observe(state: Array, settings: Array, schedule: Array, now: Array, k: int) 
     return bounded, sqrt(variance), smoothed, gain, alpha, q, error * error / innovation, 0.0, nan, nan, nan, nan
 
 
+_STATE, _SETTINGS = 31, 16  # numbers of the state and of the settings
+
+
+@compiled
+def observe(
+    memory: Array, now: Array, _then: Array, _turning: Array, _turned: Array, _command: float, k: int, out: Array
+) -> None:
+    """Take the readings of tick k: ``DifferentiatedRls.update`` for compiled callers; see ``packed.Packable``."""
+    found = take(memory[:_STATE], memory[_STATE : _STATE + _SETTINGS], memory[_STATE + _SETTINGS :], now, k)
+    to = records(out, ESTIMATE)[0]
+    (
+        to.effectiveness, to.effectiveness_std, to.effectiveness_smoothed, to.effectiveness_raw, to.alpha_rad, to.q_rad_s, to.nis,
+        to.alarms, to.innovation_alpha_rad, to.innovation_q_rad_s, to.innovation_alpha_std_rad, to.innovation_q_std_rad_s,
+    ) = found  # fmt: skip
+
+
 class DifferentiatedRls:
     """Scalar least squares for K on filtered pitch acceleration; an Estimator.
 
@@ -153,19 +171,17 @@ class DifferentiatedRls:
         self._state[12:15] = config.prior_effectiveness, config.prior_effectiveness_var, 1.0
         self._tick = 0
         # Compile, or load from the cache, before the flight; tick 0 resets the state.
-        observe(
-            self._state.copy(), self._settings, self._schedule, np.array([0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0]), 0
-        )
+        take(self._state.copy(), self._settings, self._schedule, np.array([0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0]), 0)
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
-        found = observe(self._state, self._settings, self._schedule, np.array(measurement), self._tick)
+        found = take(self._state, self._settings, self._schedule, np.array(measurement), self._tick)
         self._tick += 1
         return Estimate(*found)
 
-    def packed(self) -> tuple[Array, Array, Array]:
-        """Return copies of the arrays of ``observe``: state, settings, schedule."""
-        return self._state.copy(), self._settings.copy(), self._schedule.copy()
+    def packed(self) -> Array:
+        """Return the memory of ``observe``: state, settings, schedule."""
+        return np.concatenate([self._state, self._settings, self._schedule])
 
 
 class DifferentiatedRlsSettings(EstimatorSettings):

@@ -4,142 +4,400 @@ The steps and the compiled functions are those of ``composed.Composed``, and the
 flights made of built-in parts can be compiled; external code stays in Python, and ``Composed`` calls it.
 
 All numbers on board lie in one array, the store: passing a further array into compiled code costs more than the arithmetic of a tick on
-that array.
+that array. Its records have names (``core.records``). The compiled function exists in variants, one for each combination of parts that are
+large: numba leaves out the branches of all others, so that a flight loads only the code of its own parts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
-from math import isfinite, nan
+from math import cos, isfinite, nan
 from operator import call
 from struct import Struct
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flightbed.control import correction
-from flightbed.control.base import Gains
 from flightbed.control.correction import Adaptation
+from flightbed.control.load_factor import adaptive as nz_adaptive
+from flightbed.control.load_factor import scheduled as nz_scheduled
+from flightbed.control.load_factor.adaptive import NzAdaptive
+from flightbed.control.load_factor.autothrottle import Autothrottle
+from flightbed.control.load_factor.scheduled import NzScheduled
 from flightbed.control.proportional import Proportional, proportional_demand
 from flightbed.control.proportional_integral import ProportionalIntegral
+from flightbed.control.redesign import Redesign, RedesignedPitch
+from flightbed.control.roll_yaw import RollYaw
+from flightbed.core.atmosphere import air
 from flightbed.core.compiled import Array, compiled
-from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Health, Measurement, Sample, Truth
+from flightbed.core.records import layout, packed, records, size
+from flightbed.core.signals import (
+    NOTHING_RECONSTRUCTED,
+    Estimate,
+    Health,
+    LateralTruth,
+    LoadFactorSample,
+    Sample,
+    Truth,
+)
 from flightbed.estimation import differentiated_rls
 from flightbed.estimation.base import Estimator, SurfacesEstimator
 from flightbed.estimation.differentiated_rls import DifferentiatedRls
 from flightbed.estimation.loop_gain import estimator as loop_gain
 from flightbed.estimation.loop_gain.estimator import LoopGain
+from flightbed.estimation.packed import ESTIMATE, LATERAL_MEASUREMENT, MEASUREMENT, Packable
+from flightbed.estimation.reconstruction import observers
+from flightbed.estimation.reconstruction.elevator import ElevatorReconstruction
+from flightbed.estimation.reconstruction.gust import GustReconstruction
+from flightbed.estimation.two_stage import estimator as two_stage
+from flightbed.estimation.two_stage.estimator import TwoStagePitch, TwoStageSurfaces
 from flightbed.flight.composed import Composed, invalid_estimate
 from flightbed.flight.ending import FLIES, NAMES, Ended, ending
-from flightbed.flight.loop import Computer, Loop
+from flightbed.flight.lateral_axes import LateralAxes, invalid_share
+from flightbed.flight.load_factor_axis import LoadFactorAxis
+from flightbed.flight.loop import Computer, halves
 from flightbed.flight.parts import Flight
-from flightbed.flight.record import LEADING, row_width, sample_of
+from flightbed.flight.record import FLOWN_FIELDS, LATERAL_FIELDS, row_width, sample_of
 from flightbed.plant import properties
 from flightbed.plant.nonlinear import JsbsimPlant
-from flightbed.plant.sensors import Sensors, readings
+from flightbed.plant.sensors import LateralSensors, Sensors, readings
 
-# Indices into the store. The rows have the layout of trace.row_packer.
-_ENDED, _WIDTH, _ROWS, _ERRORS, _ESTIMATORS, _CORRECTING_ESTIMATE, _STATE_FROM, _CORRECTION, _INVALID = range(9)
-_FLOOR, _CAUTION, _EFFECTIVE_FEEDBACK, _LOW, _HIGH, _TRIM, _PEAK = range(9, 16)
-_GAINS, _PER_TICK, _ALPHA_TRIM, _ELEVATOR_TRIM, _INTEGRAL, _HOLD = 16, 20, 21, 22, 23, 24
-_ALPHA_START, _GROUND, _MACH_SCALE, _RAW_TRUTH, _ORIGIN, _LATEST, _BLOCKS = 25, 26, 27, 28, 29, 33, 34
-_BLOCK = 9  # numbers per estimator: kind, number of filters, bounds of its arrays
-_NO_CORRECTION, _BY_ESTIMATE, _BY_TRUE_K = 0.0, 1.0, 2.0  # values of _CORRECTION: source of K in the correction 1/K
-_TRUTH, _MEASUREMENT = LEADING, LEADING + len(Truth._fields)
-_FIRST_ESTIMATE = _MEASUREMENT + len(Measurement._fields)
-_FIELDS = len(Estimate._fields)
-_LOOP_GAIN, _RLS = 0.0, 1.0
+# Records of the store, in this order: head, three corrections, pitch law, two laws of roll and yaw, estimators; then the memories of the
+# estimators, the errors of the sensors, and the rows in the layout of ``record.row_packer``.
+_HEAD = layout(
+    (
+        "latest", "ended", "stopped", "resumes",  # latest tick; end condition; reason of a tick without a command; whether it resumes
+        "width", "rows", "errors", "lateral_errors", "estimators", "lateral_at",  # places in the store, in a row
+        "mach_scale", "is_raw", "latitude", "longitude", "north_m", "east_m", "alpha_start", "ground", "state_from", "hold",
+        "redesign_floor", "redesign_tolerance", "has_roll_yaw_redesign",
+        "law_begin", "law_end", "in_g_at", "has_throttle", "throttle_low", "throttle_high", "airspeed", "airspeed_then", "then_tick",
+    )
+)  # fmt: skip
+_CORRECTION = layout(("source", "estimate", "floor", "caution", "is_effective", "low", "high", "trim", "peak"))
+_PITCH = layout(
+    (
+        "reference", "alpha", "q", "elevator", "alpha_trim", "elevator_trim", "per_tick", "integral",
+        "redesigns", "keep", "bump", "last", "is_new", "effectiveness", "estimate",
+    )
+)  # fmt: skip
+_SURFACE = layout(
+    (
+        "p_ref", "beta_ref", "beta", "p", "r", "aileron", "rudder", "keep", "bump", "last", "is_new", "effectiveness",
+        "estimate",
+    )
+)  # fmt: skip
+_IN_G = layout(LoadFactorSample._fields)
+_ESTIMATOR = layout(("kind", "begin", "end", "first", "count"))
+_FLOWN, _TRUTH, _RAW, _LATERAL_TRUTH = map(layout, (FLOWN_FIELDS, Truth._fields, properties.RAW, LateralTruth._fields))
+_LATERAL_COMMANDS = layout(LATERAL_FIELDS[: len(LATERAL_FIELDS) - size(_LATERAL_TRUTH) - size(LATERAL_MEASUREMENT)])
+_ERRORS = layout(("alpha", "q", "elevator", "mach", "altitude", "theta", "phi", "nz"))
+_LATERAL_ERRORS = layout(("beta", "p", "r", "aileron", "rudder"))
+
+_AT_CORRECTIONS = size(_HEAD)
+_AT_PITCH = _AT_CORRECTIONS + 3 * size(_CORRECTION)
+_AT_SURFACES = _AT_PITCH + size(_PITCH)
+_AT_ESTIMATORS = _AT_SURFACES + 2 * size(_SURFACE)
+_ERROR_SIZE, _LATERAL_ERROR_SIZE, _ESTIMATOR_SIZE = size(_ERRORS), size(_LATERAL_ERRORS), size(_ESTIMATOR)
+# Places in a row, and in the lateral part of a row.
+_TRUTH_AT = size(_FLOWN)
+_MEASURED_AT = _TRUTH_AT + size(_TRUTH)
+_ESTIMATES_AT = _MEASURED_AT + size(MEASUREMENT)
+_FIELDS = size(ESTIMATE)
+_LATERAL_TRUTH_AT = size(_LATERAL_COMMANDS)
+_LATERAL_MEASURED_AT = _LATERAL_TRUTH_AT + size(_LATERAL_TRUTH)
+_LATERAL_SIZE = _LATERAL_MEASURED_AT + size(LATERAL_MEASUREMENT)
+
+_NO_CORRECTION, _BY_ESTIMATE, _BY_TRUE_K = 0.0, 1.0, 2.0  # sources of K in the correction 1/K
+_DECIDED, _INVALID, _INVALID_SHARE, _REDESIGNS = 0.0, 1.0, 2.0, 3.0  # reasons of a tick without a command
+
+# The estimators that can fly compiled, and their numbers; ``_tick_of`` calls their functions ``observe``.
+_LOOP_GAIN, _RLS, _TWO_STAGE_PITCH, _TWO_STAGE_SURFACES, _ELEVATOR, _GUST = range(6)
+KINDS: MappingProxyType[type, int] = MappingProxyType(
+    {
+        LoopGain: _LOOP_GAIN,
+        DifferentiatedRls: _RLS,
+        TwoStagePitch: _TWO_STAGE_PITCH,
+        TwoStageSurfaces: _TWO_STAGE_SURFACES,
+        ElevatorReconstruction: _ELEVATOR,
+        GustReconstruction: _GUST,
+    }
+)
+# Laws of the load factor, and their numbers; a flight without one has the number 0.
+_NO_LOAD_FACTOR, _NZ_SCHEDULED, _NZ_ADAPTIVE = range(3)
+_LOAD_FACTOR_LAWS: MappingProxyType[type, int] = MappingProxyType(
+    {NzScheduled: _NZ_SCHEDULED, NzAdaptive: _NZ_ADAPTIVE}
+)
+_IN_G_SIZE, _MODEL = size(_IN_G), len(LoadFactorSample._fields) - 4  # and the place of the identified model
+_LAWS = (Proportional, ProportionalIntegral, RedesignedPitch)
+
+
+class _Variant(NamedTuple):
+    """The large parts of a flight that the compiled function contains."""
+
+    lateral: bool
+    load_factor: int
+    redesigns: bool
+    two_stage_pitch: bool
+    two_stage_surfaces: bool
+    elevator_reconstruction: bool
+    gust_reconstruction: bool
 
 
 @compiled
-def _tick(store: Array, k: int) -> float:
-    """Do all work of the flight computer at tick k; return the command, rad, or nan if the flight ends here.
-
-    The row already holds the true values, or the JSBSim properties from which this function computes them; it adds readings, estimates and
-    the command.
-    """
-    store[_LATEST] = k
-    width = int(store[_WIDTH])
-    at = int(store[_ROWS]) + k * width
-    row = store[at : at + width]
-    off = int(store[_ERRORS]) + 8 * k
-    truth = store[at + _TRUTH : at + _MEASUREMENT]
-    if store[_RAW_TRUTH] > 0.0:
+def _read(head: Any, store: Array, row: Array, k: int) -> None:
+    """Compute the true values of a raw row, and the readings."""
+    true = row[_TRUTH_AT:_MEASURED_AT]
+    truth, measured = records(true, _TRUTH)[0], records(row[_MEASURED_AT:_ESTIMATES_AT], MEASUREMENT)[0]
+    if head.is_raw > 0.0:
+        raw = records(true, _RAW)[0]
         (
-            truth[0], truth[1], truth[2], truth[3], truth[4], truth[5], truth[6], truth[7], truth[8], truth[9],
-            truth[10], truth[11], truth[12], truth[13], truth[14], truth[15], truth[16], truth[17], truth[18], truth[19], truth[20],
+            truth.alpha_rad, truth.q_rad_s, truth.theta_rad, truth.phi_rad, truth.psi_rad, truth.airspeed_m_s, truth.mach,
+            truth.altitude_m, truth.north_m, truth.east_m, truth.nz_g, truth.elevator_rad, truth.elevator_mean_rad, truth.effectiveness,
+            truth.elevator_force, truth.cg_shift_cbar, truth.gust_up_m_s, truth.lift_n, truth.drag_n, truth.thrust_n,
+            truth.elevator_offset_rad,
         ) = properties.fields(
-            store[_ORIGIN], store[_ORIGIN + 1], store[_ORIGIN + 2], store[_ORIGIN + 3],
-            truth[0], truth[1], truth[2], truth[3], truth[4], truth[5], truth[6], truth[7], truth[8], truth[9],
-            truth[10], truth[11], truth[12], truth[13], truth[14], truth[15], truth[16], truth[17], truth[18], truth[19], truth[20],
+            head.latitude, head.longitude, head.north_m, head.east_m,
+            raw.alpha, raw.q, raw.theta, raw.phi, raw.psi, raw.airspeed_fps, raw.mach, raw.altitude_ft, raw.latitude, raw.longitude,
+            raw.nz, raw.lift_lbs, raw.drag_lbs, raw.thrust_lbs, raw.elevator, raw.elevator_mean, raw.effectiveness,
+            raw.elevator_force, raw.cg_shift, raw.gust_up_m_s, raw.elevator_offset,
         )  # fmt: skip
-    measurement = store[at + _MEASUREMENT : at + _FIRST_ESTIMATE]
+    off = int(head.errors) + _ERROR_SIZE * k
+    e = records(store[off : off + _ERROR_SIZE], _ERRORS)[0]
     (
-        measurement[0], measurement[1], measurement[2], measurement[3], measurement[4], measurement[5], measurement[6],
-        measurement[7], measurement[8],
+        measured.alpha_rad, measured.q_rad_s, measured.elevator_rad, measured.elevator_mean_rad, measured.mach, measured.altitude_m,
+        measured.theta_rad, measured.phi_rad, measured.nz_g,
     ) = readings(
-        truth[0], truth[1], truth[11], truth[12], truth[6], truth[7], truth[2], truth[3], truth[10], store[_MACH_SCALE],
-        store[off], store[off + 1], store[off + 2], store[off + 3], store[off + 4], store[off + 5], store[off + 6],
-        store[off + 7],
+        truth.alpha_rad, truth.q_rad_s, truth.elevator_rad, truth.elevator_mean_rad, truth.mach, truth.altitude_m, truth.theta_rad,
+        truth.phi_rad, truth.nz_g, head.mach_scale, e.alpha, e.q, e.elevator, e.mach, e.altitude, e.theta, e.phi, e.nz,
     )  # fmt: skip
-    before = at - width if k > 0 else at
-    previous = store[before + _MEASUREMENT : before + _FIRST_ESTIMATE]
-    for number in range(int(store[_ESTIMATORS])):
-        block = _BLOCKS + number * _BLOCK
-        a, b, c, d, e = (
-            int(store[block + 2]), int(store[block + 3]), int(store[block + 4]), int(store[block + 5]), int(store[block + 6]),
-        )  # fmt: skip
-        if store[block] == _LOOP_GAIN:
-            bank = store[a:b].reshape((-1, int(store[block + 1])))
-            found = loop_gain.observe(bank, store[b:c], store[c:d], store[d:e], previous, measurement, k)
-        else:
-            found = differentiated_rls.observe(store[a:b], store[b:c], store[c:d], measurement, k)
-        to = _FIRST_ESTIMATE + number * _FIELDS
-        (
-            row[to], row[to + 1], row[to + 2], row[to + 3], row[to + 4], row[to + 5],
-            row[to + 6], row[to + 7], row[to + 8], row[to + 9], row[to + 10], row[to + 11],
-        ) = found  # fmt: skip
 
-    low, high, effectiveness_used = store[_LOW], store[_HIGH], 1.0
-    if store[_CORRECTION] == _BY_TRUE_K:
-        effectiveness_used = correction.divisor(truth[13], 0.0, store[_FLOOR], store[_CAUTION])
-    elif store[_CORRECTION] == _BY_ESTIMATE:
-        to = _FIRST_ESTIMATE + int(store[_CORRECTING_ESTIMATE]) * _FIELDS
-        if not isfinite(row[to + 2]) and isfinite(measurement[1]):
-            store[_INVALID] = 1.0
-            return nan
-        effectiveness_used = correction.divisor(row[to + 2], row[to + 1], store[_FLOOR], store[_CAUTION])
-    elevator = effectiveness_used * measurement[2] if store[_EFFECTIVE_FEEDBACK] > 0.0 else measurement[2]
-    reference = row[2]
-    if store[_PEAK] > 0.0 and store[_CORRECTION] != _NO_CORRECTION:
-        reference = correction.limit_reference(reference, effectiveness_used, low, high, store[_TRIM], store[_PEAK])
-    alpha, q = measurement[0], measurement[1]
-    if store[_STATE_FROM] >= 0.0:
-        to = _FIRST_ESTIMATE + int(store[_STATE_FROM]) * _FIELDS
-        alpha, q = row[to + 4], row[to + 5]
-    trim = store[_ELEVATOR_TRIM]
-    demand = proportional_demand(
-        store[_GAINS], store[_GAINS + 1], store[_GAINS + 2], store[_GAINS + 3], trim,
-        reference, alpha - store[_ALPHA_TRIM], q, elevator - trim,
-    )  # fmt: skip
-    if store[_PER_TICK] != 0.0:
-        demand = store[_INTEGRAL] + demand
-        if store[_HOLD] == 0.0:
-            store[_INTEGRAL] += store[_PER_TICK] * (reference - q)
-    corrected = demand / effectiveness_used
-    command = correction.clip_command(corrected, low, high)
-    store[_HOLD] = 1.0 if command != corrected else 0.0
-    row[3] = command
-    store[_ENDED] = ending(truth[0] - store[_ALPHA_START], truth[1], truth[7], store[_GROUND], 0.0)
-    return command if store[_ENDED] == FLIES else nan
+
+@compiled
+def _read_lateral(head: Any, store: Array, side: Array, k: int) -> None:
+    """Compute the readings of roll and yaw."""
+    truth = records(side[_LATERAL_TRUTH_AT:_LATERAL_MEASURED_AT], _LATERAL_TRUTH)[0]
+    measured = records(side[_LATERAL_MEASURED_AT:], LATERAL_MEASUREMENT)[0]
+    off = int(head.lateral_errors) + _LATERAL_ERROR_SIZE * k
+    e = records(store[off : off + _LATERAL_ERROR_SIZE], _LATERAL_ERRORS)[0]
+    measured.beta_rad = truth.beta_rad + e.beta
+    measured.p_rad_s = truth.p_rad_s + e.p
+    measured.r_rad_s = truth.r_rad_s + e.r
+    measured.aileron_rad = truth.aileron_rad + e.aileron
+    measured.rudder_rad = truth.rudder_rad + e.rudder
+    measured.aileron_mean_rad = truth.aileron_mean_rad + e.aileron
+    measured.rudder_mean_rad = truth.rudder_mean_rad + e.rudder
+
+
+@compiled
+def _is_changed(head: Any, law: Any, estimates: Array) -> bool:
+    """Return whether ``Redesign`` designs a law anew for the estimates of a tick."""
+    at = _FIELDS * int(law.estimate)
+    estimate = records(estimates[at : at + _FIELDS], ESTIMATE)[0]
+    smoothed, floor = estimate.effectiveness_smoothed, head.redesign_floor
+    wanted = smoothed if smoothed > floor else floor
+    return bool(estimate.alarms > 0.0 and abs(wanted - law.effectiveness) > head.redesign_tolerance)
+
+
+@compiled
+def _share(fix: Any, true: float, estimates: Array) -> float:
+    """Return the divisor of the demand on aileron or rudder; nan if the smoothed K is not finite."""
+    if fix.source == _NO_CORRECTION:
+        return 1.0
+    if fix.source == _BY_TRUE_K:
+        return correction.divisor(true, 0.0, fix.floor, fix.caution)
+    at = _FIELDS * int(fix.estimate)
+    estimate = records(estimates[at : at + _FIELDS], ESTIMATE)[0]
+    if not isfinite(estimate.effectiveness_smoothed):
+        return nan
+    return correction.divisor(estimate.effectiveness_smoothed, estimate.effectiveness_std, fix.floor, fix.caution)
+
+
+@compiled
+def _decide_lateral(corrections: Any, laws: Any, side: Array, estimates: Array) -> bool:
+    """Compute the commands to aileron and rudder; return whether the K of both corrections is finite."""
+    truth = records(side[_LATERAL_TRUTH_AT:_LATERAL_MEASURED_AT], _LATERAL_TRUTH)[0]
+    measured = records(side[_LATERAL_MEASURED_AT:], LATERAL_MEASUREMENT)[0]
+    commands = records(side[:_LATERAL_TRUTH_AT], _LATERAL_COMMANDS)[0]
+    aileron_fix, rudder_fix = corrections[1], corrections[2]
+    aileron_share = _share(aileron_fix, truth.aileron_effectiveness, estimates)
+    rudder_share = _share(rudder_fix, truth.rudder_effectiveness, estimates)
+    if aileron_share != aileron_share or rudder_share != rudder_share:
+        return False
+    aileron, rudder = measured.aileron_rad, measured.rudder_rad
+    if aileron_fix.is_effective > 0.0:
+        aileron = aileron_share * aileron
+    if rudder_fix.is_effective > 0.0:
+        rudder = rudder_share * rudder
+    for i in range(2):
+        law = laws[i]
+        found = (
+            law.p_ref * commands.p_ref_rad_s
+            + law.beta_ref * commands.beta_ref_rad
+            - (
+                law.beta * measured.beta_rad + law.p * measured.p_rad_s + law.r * measured.r_rad_s
+                + law.aileron * aileron + law.rudder * rudder
+            )
+        )  # fmt: skip
+        law.bump *= law.keep
+        if law.is_new > 0.0:
+            law.bump, law.is_new = law.last - found, 0.0
+        law.last = found + law.bump
+    commands.aileron_cmd_rad = correction.clip_command(laws[0].last / aileron_share, aileron_fix.low, aileron_fix.high)
+    commands.rudder_cmd_rad = correction.clip_command(laws[1].last / rudder_share, rudder_fix.low, rudder_fix.high)
+    return True
+
+
+@compiled
+def _set_throttle(head: Any, measured: Any, in_g: Any, level: float, k: int) -> None:
+    """Complete the load-factor fields of a row, in which the references are increments over ``level``, and decide the throttle."""
+    in_g.nz_cmd_g += level
+    in_g.nz_ref_g += level
+    in_g.throttle_norm = nan
+    if head.has_throttle > 0.0:
+        wanted = head.airspeed_then if k >= head.then_tick else head.airspeed
+        airspeed = measured.mach * air(measured.altitude_m)[1]
+        in_g.throttle_norm = head.throttle_high if airspeed < wanted else head.throttle_low
 
 
 @cache
-def ready() -> None:
-    """Compile the tick function or load it from the cache, before a flight."""
-    store = np.zeros(_BLOCKS + 8 + row_width(0))
-    store[_WIDTH], store[_ERRORS], store[_ROWS], store[_STATE_FROM] = row_width(0), _BLOCKS, _BLOCKS + 8, -1.0
-    _tick(store, 0)
+def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
+    """Return the compiled function of a variant: (store, tick) -> command, rad, or nan without one.
+
+    The row already holds the true values, or the JSBSim properties from which the function computes them; it adds readings, estimates and
+    commands.
+    """
+    # Plain numbers: numba's cache tells the variants apart by their values, and drops the branches that are not taken.
+    lateral, load_factor, redesigns = variant.lateral, variant.load_factor, variant.redesigns
+    has_two_stage_pitch, has_two_stage_surfaces = variant.two_stage_pitch, variant.two_stage_surfaces
+    has_elevator, has_gust = variant.elevator_reconstruction, variant.gust_reconstruction
+
+    def tick(store: Array, k: int) -> float:
+        head = records(store[:_AT_CORRECTIONS], _HEAD)[0]
+        corrections = records(store[_AT_CORRECTIONS:_AT_PITCH], _CORRECTION)
+        law = records(store[_AT_PITCH:_AT_SURFACES], _PITCH)[0]
+        width = int(head.width)
+        at = int(head.rows) + k * width
+        row, side_at = store[at : at + width], int(head.lateral_at)
+        # Arrays that other variants use cost time even if they are empty.
+        if lateral or redesigns:
+            surface_laws = records(store[_AT_SURFACES:_AT_ESTIMATORS], _SURFACE)
+        if lateral:
+            side = row[side_at : side_at + _LATERAL_SIZE]
+        estimates = row[_ESTIMATES_AT:side_at]
+        if head.resumes == 0.0:
+            head.latest = k
+            _read(head, store, row, k)
+            if lateral:
+                _read_lateral(head, store, side, k)
+            before = store[at - width : at] if k > 0 else row
+            now, then = row[_MEASURED_AT:_ESTIMATES_AT], before[_MEASURED_AT:_ESTIMATES_AT]
+            turning, turned, command = now, then, nan
+            if lateral:
+                turning = side[_LATERAL_MEASURED_AT:]
+                turned = before[side_at + _LATERAL_MEASURED_AT : side_at + _LATERAL_SIZE]
+            if has_elevator and k > 0:
+                command = records(before[:_TRUTH_AT], _FLOWN)[0].elevator_cmd_rad
+            count = int(head.estimators)
+            blocks = records(store[_AT_ESTIMATORS : _AT_ESTIMATORS + count * _ESTIMATOR_SIZE], _ESTIMATOR)
+            for number in range(count):
+                block = blocks[number]
+                memory, kind = store[int(block.begin) : int(block.end)], int(block.kind)
+                first = int(block.first) * _FIELDS
+                out = estimates[first : first + int(block.count) * _FIELDS]
+                if kind == _LOOP_GAIN:
+                    loop_gain.observe(memory, now, then, turning, turned, command, k, out)
+                elif kind == _RLS:
+                    differentiated_rls.observe(memory, now, then, turning, turned, command, k, out)
+                if has_two_stage_pitch:  # noqa: SIM102 -- numba drops a branch of a constant only
+                    if kind == _TWO_STAGE_PITCH:
+                        two_stage.observe_pitch(memory, now, then, turning, turned, command, k, out)
+                if has_two_stage_surfaces:  # noqa: SIM102
+                    if kind == _TWO_STAGE_SURFACES:
+                        two_stage.observe_surfaces(memory, now, then, turning, turned, command, k, out)
+                if has_elevator:  # noqa: SIM102
+                    if kind == _ELEVATOR:
+                        observers.observe_elevator(memory, now, then, turning, turned, command, k, out)
+                if has_gust:  # noqa: SIM102
+                    if kind == _GUST:
+                        observers.observe_gust(memory, now, then, turning, turned, command, k, out)
+            if redesigns:
+                changed = _is_changed(head, law, estimates)
+                if head.has_roll_yaw_redesign > 0.0:
+                    changed = changed or _is_changed(head, surface_laws[0], estimates)
+                    changed = changed or _is_changed(head, surface_laws[1], estimates)
+                if changed:
+                    head.stopped = _REDESIGNS
+                    return nan
+        head.resumes, head.stopped = 0.0, _DECIDED
+
+        flown = records(row[:_TRUTH_AT], _FLOWN)[0]
+        truth = records(row[_TRUTH_AT:_MEASURED_AT], _TRUTH)[0]
+        measured = records(row[_MEASURED_AT:_ESTIMATES_AT], MEASUREMENT)[0]
+        fix = corrections[0]
+        effectiveness_used = 1.0
+        if fix.source == _BY_TRUE_K:
+            effectiveness_used = correction.divisor(truth.effectiveness, 0.0, fix.floor, fix.caution)
+        elif fix.source == _BY_ESTIMATE:
+            to = _FIELDS * int(fix.estimate)
+            estimate = records(estimates[to : to + _FIELDS], ESTIMATE)[0]
+            smoothed = estimate.effectiveness_smoothed
+            if not isfinite(smoothed) and isfinite(measured.q_rad_s):
+                head.stopped = _INVALID
+                return nan
+            effectiveness_used = correction.divisor(smoothed, estimate.effectiveness_std, fix.floor, fix.caution)
+        elevator, reference = measured.elevator_rad, flown.q_ref_rad_s
+        if fix.is_effective > 0.0:
+            elevator = effectiveness_used * elevator
+        if fix.peak > 0.0 and fix.source != _NO_CORRECTION:
+            reference = correction.limit_reference(reference, effectiveness_used, fix.low, fix.high, fix.trim, fix.peak)
+        alpha, q = measured.alpha_rad, measured.q_rad_s
+        if head.state_from >= 0.0:
+            to = _FIELDS * int(head.state_from)
+            state = records(estimates[to : to + _FIELDS], ESTIMATE)[0]
+            alpha, q = state.alpha_rad, state.q_rad_s
+        if load_factor > 0:
+            in_g_at = int(head.in_g_at)
+            in_g_row = row[in_g_at : in_g_at + _IN_G_SIZE]
+            in_g = records(in_g_row, _IN_G)[0]
+            own, now = store[int(head.law_begin) : int(head.law_end)], row[_MEASURED_AT:_ESTIMATES_AT]
+            level = cos(measured.theta_rad) * cos(measured.phi_rad)
+            if load_factor == _NZ_SCHEDULED:
+                demand = nz_scheduled.demand_of(own, now, in_g.nz_ref_g, measured.nz_g - level, head.hold > 0.0)
+            if load_factor == _NZ_ADAPTIVE:
+                demand = nz_adaptive.demand_of(own, now, in_g.nz_ref_g, measured.nz_g - level, in_g_row[_MODEL:])
+            _set_throttle(head, measured, in_g, level, k)
+        else:
+            demand = proportional_demand(
+                law.reference, law.alpha, law.q, law.elevator, law.elevator_trim,
+                reference, alpha - law.alpha_trim, q, elevator - law.elevator_trim,
+            )  # fmt: skip
+            if law.per_tick != 0.0:
+                demand = law.integral + demand
+                if head.hold == 0.0:
+                    law.integral += law.per_tick * (reference - q)
+            if law.redesigns > 0.0:
+                law.bump *= law.keep
+                if law.is_new > 0.0:
+                    law.bump, law.is_new = law.last - demand, 0.0
+                demand = demand + law.bump
+                law.last = demand
+        corrected = demand / effectiveness_used
+        command = correction.clip_command(corrected, fix.low, fix.high)
+        head.hold = 1.0 if command != corrected else 0.0
+        flown.elevator_cmd_rad = command
+        beta = 0.0
+        if lateral:
+            if not _decide_lateral(corrections, surface_laws, side, estimates):
+                head.stopped = _INVALID_SHARE
+                return nan
+            beta = records(side[_LATERAL_TRUTH_AT:_LATERAL_MEASURED_AT], _LATERAL_TRUTH)[0].beta_rad
+        head.ended = ending(truth.alpha_rad - head.alpha_start, truth.q_rad_s, truth.altitude_m, head.ground, beta)
+        return command if head.ended == FLIES else nan
+
+    return compiled(tick)
 
 
 class Compiled:
@@ -150,81 +408,121 @@ class Compiled:
 
     Attributes:
         ended: end condition that holds at the latest tick; None while the flight flies.
-        listeners: none.
+        listeners: none; estimators read the command that acts in the row of the tick before.
 
     """
 
     listeners: tuple[Callable[[float], object], ...] = ()
 
     def __init__(self, flight: Flight) -> None:
-        self._store, self._first, self._width = _store(flight)
-        self._flight, self._tick = flight, 0
+        self._flight, self._store = flight, _store(flight)
+        head = self._head = records(self._store[:_AT_CORRECTIONS], _HEAD)[0]
+        self._first, self._width, self._lateral_at = int(head.rows), int(head.width), int(head.lateral_at)
+        self._call = _tick_of(_variant(flight))
+        _prepare(_variant(flight), self._store)
         self.ended: Ended | None = None
-        self.step = self._stepper()
 
-    def _stepper(self) -> Callable[[int, Health], float]:
-        """Return the function ``step``; a closure, because attributes of an object cost 1 % of a tick."""
-        plant, store = self._flight.plant, self._store
-        put, memory = Struct(f"{len(Truth._fields)}d").pack_into, memoryview(store.data).cast("B")
-        stride, begin = 8 * self._width, 8 * (self._first + _TRUTH)
-        if not isinstance(plant, JsbsimPlant):
+    @property
+    def step(self) -> Callable[[int, Health], float]:
+        """Function (tick, health) -> command, see ``loop.Computer``; a closure, because attributes cost 1 % of a tick."""
+        plant, axes, store, work = self._flight.plant, self._flight.lateral, self._store, self._call
+        put, memory = Struct(f"{size(_TRUTH)}d").pack_into, memoryview(store.data).cast("B")
+        stride, begin = 8 * self._width, 8 * (self._first + _TRUTH_AT)
+        getters = plant.getters if isinstance(plant, JsbsimPlant) else ()
 
-            def linear(tick: int, health: Health) -> float:
-                put(memory, begin + tick * stride, *plant.sense(health))
-                command = _tick(store, tick)
-                return command if command == command else self._stopped(tick)
+        def linear(tick: int, health: Health) -> float:
+            put(memory, begin + tick * stride, *plant.sense(health))
+            command = work(store, tick)
+            return command if command == command else self._without_command(tick)
 
-            return linear
-        getters = plant.getters
+        latest: Health | None = None
+        shares: tuple[float, ...] = ()
 
         def nonlinear(tick: int, health: Health) -> float:  # no Truth is built: the compiled code computes its fields
+            nonlocal latest, shares
+            if health is not latest:
+                latest, shares = health, health[:3]
             put(
                 memory, begin + tick * stride, *map(call, getters),
-                plant.elevator_mean_rad, *health[:3], plant.gust_up_m_s, plant.elevator_offset_rad,
+                plant.elevator_mean_rad, *shares, plant.gust_up_m_s, plant.elevator_offset_rad,  # type: ignore[attr-defined]
             )  # fmt: skip
-            command = _tick(store, tick)
-            return command if command == command else self._stopped(tick)
+            command = work(store, tick)
+            return command if command == command else self._without_command(tick)
 
-        return nonlinear
+        if axes is None:
+            return nonlinear if getters else linear
+        put_lateral = Struct(f"{size(_LATERAL_TRUTH)}d").pack_into
+        sense_lateral, begin_lateral = (
+            axes.plant.sense_lateral,
+            8 * (self._first + self._lateral_at + _LATERAL_TRUTH_AT),
+        )
 
-    def _stopped(self, tick: int) -> float:
-        """Take the reason of a tick without a command. Raises EstimateError."""
-        if self._store[_INVALID]:
-            number = self._flight.adaptation.estimator
-            smoothed = self._row(tick)[_FIRST_ESTIMATE + number * _FIELDS + 2]
-            raise invalid_estimate(number, float(smoothed), tick / self._flight.control_hz)
-        self.ended = NAMES.get(self._store[_ENDED])
+        def turning(tick: int, health: Health) -> float:
+            put_lateral(memory, begin_lateral + tick * stride, *sense_lateral(health))
+            return nonlinear(tick, health)
+
+        return turning
+
+    def _without_command(self, tick: int) -> float:
+        """Take the reason of a tick without a command; return its command if there is one. Raises EstimateError, DesignError."""
+        flight, head = self._flight, self._head
+        if head.stopped == _REDESIGNS:
+            assert flight.redesign is not None
+            flight.redesign.update(self.sample().estimates)
+            _put_redesigned(self._store, flight, is_new=True)
+            head.resumes = 1.0
+            command = self._call(self._store, tick)
+            return command if command == command else self._without_command(tick)
+        if head.stopped == _INVALID:
+            number = flight.adaptation.estimator
+            smoothed = self.sample().estimates[number].effectiveness_smoothed
+            raise invalid_estimate(number, smoothed, tick / flight.control_hz)
+        if head.stopped == _INVALID_SHARE:
+            assert flight.lateral is not None
+            raise _invalid_share(flight.lateral, self.sample().estimates, tick)
+        self.ended = NAMES.get(float(head.ended))
         return nan
 
-    def _row(self, tick: int) -> Array:
-        begin = self._first + tick * self._width
+    def _row(self) -> Array:
+        """Return the row of the latest tick."""
+        begin = self._first + int(self._head.latest) * self._width
         return self._store[begin : begin + self._width]
 
     def rows(self) -> Array:
         """Return the rows of all ticks so far, in the layout of ``record.row_packer``."""
-        return self._store[self._first : self._first + (int(self._store[_LATEST]) + 1) * self._width]
+        return self._store[self._first : self._first + (int(self._head.latest) + 1) * self._width]
 
     def sample(self) -> Sample:
         """Return all signals of the latest tick."""
-        return sample_of(self._row(int(self._store[_LATEST])).tolist(), self._flight.estimates)
+        flight = self._flight
+        has = {"lateral": flight.lateral is not None, "load_factor": flight.load_factor is not None}
+        return sample_of(self._row().tolist(), flight.estimates, **has)
 
     def replace(self, elevator_cmd_rad: float) -> None:
         """Take the command that replaces the law's at the latest tick; the law holds its integral at the next one."""
-        self._store[_HOLD] = 1.0
-        self._row(int(self._store[_LATEST]))[3] = elevator_cmd_rad
+        self._head.hold = 1.0
+        records(self._row()[:_TRUTH_AT], _FLOWN)[0].elevator_cmd_rad = elevator_cmd_rad
 
     def lateral_command(self) -> tuple[float, float]:
-        """Raise an error: no compiled flight commands aileron and rudder."""
-        raise NotImplementedError
+        """Return the commands to aileron and rudder of the latest tick, rad."""
+        side = records(self._row()[self._lateral_at :][:_LATERAL_TRUTH_AT], _LATERAL_COMMANDS)[0]
+        return float(side.aileron_cmd_rad), float(side.rudder_cmd_rad)
 
     def throttle_norm(self) -> float:
-        """Raise an error: no compiled flight is commanded in g."""
-        raise NotImplementedError
+        """Return the throttle command of the latest tick; nan keeps the throttle."""
+        at = int(self._head.in_g_at)
+        return float(records(self._row()[at : at + _IN_G_SIZE], _IN_G)[0].throttle_norm)
 
 
 def computer_of(flight: Flight) -> Computer:
     """Return the flight computer of a new flight: compiled if all its parts are built in, otherwise composed of its objects."""
-    return Compiled(flight) if _is_built_in(flight) else Composed(flight)
+    return Compiled(flight) if is_built_in(flight) else Composed(flight)
+
+
+def ready(flight: Flight) -> None:
+    """Compile the function of a new flight, or load it from the cache, before the flight."""
+    if is_built_in(flight):
+        Compiled(flight)
 
 
 def rows_of(flight: Flight) -> Array | None:
@@ -234,76 +532,198 @@ def rows_of(flight: Flight) -> Array | None:
         EstimateError: as ``loop.fly``.
 
     """
-    if not _is_built_in(flight):
+    if not is_built_in(flight):
         return None
     computer = Compiled(flight)
-    loop = Loop(flight, computer)
-    while loop.ended is None:
-        loop.advance()
+    for _ in halves(flight, computer):
+        pass
     return computer.rows()
 
 
-def _is_built_in(flight: Flight) -> bool:
+def is_built_in(flight: Flight) -> bool:
     """Return whether all parts of a tick have exactly these types; a derived type may behave differently."""
+    lateral, redesign, in_g = flight.lateral, flight.redesign, flight.load_factor
     return (
-        flight.lateral is None
-        and flight.redesign is None
-        and type(flight.sensors) is Sensors
+        type(flight.sensors) is Sensors
         and type(flight.adaptation) is Adaptation
-        and type(flight.law) in (Proportional, ProportionalIntegral)
-        and all(type(estimator) in (LoopGain, DifferentiatedRls) for estimator in flight.estimators)
+        and (_is_packed(in_g) if in_g is not None else type(flight.law) in _LAWS)
+        and all(type(estimator) in KINDS and _memory(estimator) is not None for estimator in flight.estimators)
+        and (redesign is None or type(redesign) is Redesign)
+        and (
+            lateral is None
+            or (
+                type(lateral) is LateralAxes
+                and type(lateral.sensors) is LateralSensors
+                and type(lateral.law) is RollYaw
+                and type(lateral.aileron) is type(lateral.rudder) is Adaptation
+                and isinstance(flight.plant, JsbsimPlant)
+            )
+        )
     )
 
 
-def _store(flight: Flight) -> tuple[Array, int, int]:
-    """Return the store of a new flight, the index of its first row, and the row width."""
-    ticks, count, width = flight.ticks, len(flight.estimators), row_width(len(flight.estimators))
-    parts = [np.zeros(_BLOCKS + count * _BLOCK)]
-    header, end = parts[0], len(parts[0])
-    for number, estimator in enumerate(flight.estimators):
-        kind, filters, arrays = _packed(estimator)
-        bounds = np.cumsum([end, *(array.size for array in arrays)])
-        block = _BLOCKS + number * _BLOCK
-        header[block : block + 2 + len(bounds)] = kind, filters, *bounds
-        parts += [array.ravel() for array in arrays]
-        end = int(bounds[-1])
-    header[_ERRORS], header[_ROWS] = end, end + flight.sensors.errors.size
-    rows = np.zeros((ticks, width))
-    for number in range(count):  # fields of an unknown input, which these estimators do not reconstruct
-        to = _FIRST_ESTIMATE + number * _FIELDS
-        rows[:, to + _FIELDS - len(NOTHING_RECONSTRUCTED) : to + _FIELDS] = NOTHING_RECONSTRUCTED
-    rows[:, 0], rows[:, 1], rows[:, 2] = np.arange(ticks), flight.profile.q_cmd_rad_s, flight.profile.q_ref_rad_s
-    _set_up(header, flight)
-    header[_WIDTH], header[_ESTIMATORS] = width, count
-    return np.concatenate([*parts, flight.sensors.errors.ravel(), rows.ravel()]), int(header[_ROWS]), width
+def _memory(estimator: Estimator | SurfacesEstimator) -> Array | None:
+    return estimator.packed() if isinstance(estimator, Packable) else None
 
 
-def _packed(estimator: Estimator | SurfacesEstimator) -> tuple[float, int, tuple[Array, ...]]:
-    """Return kind, number of parallel filters, and arrays of a new estimator."""
-    if isinstance(estimator, LoopGain):
-        arrays = estimator.packed()
-        return _LOOP_GAIN, arrays[0].shape[1], arrays
-    assert isinstance(estimator, DifferentiatedRls)
-    return _RLS, 1, estimator.packed()
-
-
-def _set_up(header: Array, flight: Flight) -> None:
-    correction, law = flight.adaptation, flight.law
-    assert isinstance(law, Proportional | ProportionalIntegral)
-    gains: Gains = law.gains
-    header[_CORRECTION] = (
-        _NO_CORRECTION if not correction.enabled else _BY_TRUE_K if correction.oracle else _BY_ESTIMATE
+def _is_packed(axis: LoadFactorAxis) -> bool:
+    """Return whether axis, law and throttle have exactly the built-in types, and the law has a compiled form."""
+    law, auto = axis.law, axis.autothrottle
+    return (
+        type(axis) is LoadFactorAxis
+        and type(law) in _LOAD_FACTOR_LAWS
+        and isinstance(law, NzScheduled | NzAdaptive)
+        and law.packed() is not None
+        and (auto is None or type(auto) is Autothrottle)
     )
-    header[_CORRECTING_ESTIMATE] = correction.estimator
-    header[_STATE_FROM] = -1 if flight.state_from is None else flight.state_from
-    header[_FLOOR], header[_CAUTION] = correction.floor, correction.caution
-    header[_EFFECTIVE_FEEDBACK] = correction.feedback == "effective"
-    header[_LOW], header[_HIGH], header[_TRIM] = correction.min_rad, correction.max_rad, correction.trim_rad
-    header[_PEAK] = 0.0 if correction.peak_per_reference is None else correction.peak_per_reference
-    header[_GAINS : _GAINS + 4] = gains.reference, gains.alpha, gains.q, gains.elevator
-    header[_PER_TICK] = law.per_tick if isinstance(law, ProportionalIntegral) else 0.0
-    header[_ALPHA_TRIM], header[_ELEVATOR_TRIM] = law.alpha_trim_rad, law.elevator_trim_rad
-    header[_ALPHA_START], header[_GROUND] = flight.alpha_trim_rad, flight.floor_m
-    header[_MACH_SCALE] = flight.sensors.mach_scale
+
+
+def _variant(flight: Flight) -> _Variant:
+    kinds = {type(estimator) for estimator in flight.estimators}
+    return _Variant(
+        lateral=flight.lateral is not None,
+        load_factor=_NO_LOAD_FACTOR if flight.load_factor is None else _LOAD_FACTOR_LAWS[type(flight.load_factor.law)],
+        redesigns=flight.redesign is not None,
+        two_stage_pitch=TwoStagePitch in kinds,
+        two_stage_surfaces=TwoStageSurfaces in kinds,
+        elevator_reconstruction=ElevatorReconstruction in kinds,
+        gust_reconstruction=GustReconstruction in kinds,
+    )
+
+
+_prepared: set[_Variant] = set()
+
+
+def _prepare(variant: _Variant, store: Array) -> None:
+    """Compile the function of a variant, or load it from the cache, by a tick 0 on a copy of a store."""
+    if variant not in _prepared:
+        _tick_of(variant)(store.copy(), 0)
+        _prepared.add(variant)
+
+
+def _store(flight: Flight) -> Array:
+    """Return the store of a new flight."""
+    lateral, in_g = flight.lateral, flight.load_factor
+    blocks, memories, end, first = [], [], _AT_ESTIMATORS + len(flight.estimators) * _ESTIMATOR_SIZE, 0
+    for estimator in flight.estimators:
+        memory = _memory(estimator)
+        assert memory is not None
+        count = len(estimator.surfaces) if isinstance(estimator, TwoStageSurfaces) else 1
+        block = {"kind": KINDS[type(estimator)], "begin": end, "end": end + memory.size, "first": first, "count": count}
+        blocks.append(packed(_ESTIMATOR, **block))
+        memories.append(memory)
+        end, first = end + memory.size, first + count
+    places = {"law_begin": end, "law_end": end}
+    if in_g is not None:
+        assert isinstance(in_g.law, NzScheduled | NzAdaptive)
+        own = in_g.law.packed()
+        assert own is not None
+        memories.append(own)
+        end = places["law_end"] = end + own.size
+    errors = [flight.sensors.errors.ravel()] + ([] if lateral is None else [lateral.sensors.errors.ravel()])
+    lateral_at = _ESTIMATES_AT + first * _FIELDS
+    in_g_at = lateral_at + (_LATERAL_SIZE if lateral is not None else 0)
+    width = row_width(first, lateral=lateral is not None, load_factor=in_g is not None)
+    places |= {
+        "errors": end, "lateral_errors": end + errors[0].size, "rows": end + sum(array.size for array in errors),
+        "estimators": len(blocks), "width": width, "lateral_at": lateral_at, "in_g_at": in_g_at,
+    }  # fmt: skip
+    rows = np.zeros((flight.ticks, width))
+    rows[:, _FLOWN_AT["tick"]] = np.arange(flight.ticks)
+    rows[:, _FLOWN_AT["q_cmd_rad_s"]] = flight.profile.q_cmd_rad_s
+    rows[:, _FLOWN_AT["q_ref_rad_s"]] = flight.profile.q_ref_rad_s
+    for after in range(_ESTIMATES_AT + _FIELDS, lateral_at + 1, _FIELDS):  # the end of each estimate
+        rows[:, after - len(NOTHING_RECONSTRUCTED) : after] = NOTHING_RECONSTRUCTED
+    if lateral is not None:
+        references = np.array(lateral.references)
+        rows[:, lateral_at : lateral_at + references.shape[1]] = references
+    if in_g is not None:
+        increments = np.array(in_g.references)
+        rows[:, in_g_at:] = np.nan
+        rows[:, in_g_at : in_g_at + increments.shape[1]] = increments
+    store = np.concatenate([_head(flight, places), *_laws(flight), *blocks, *memories, *errors, rows.ravel()])
+    _put_redesigned(store, flight, is_new=False)
+    return store
+
+
+_FLOWN_AT = {name: at for at, name in enumerate(FLOWN_FIELDS)}
+
+
+def _head(flight: Flight, places: Mapping[str, int]) -> Array:
+    """Return the head of the store."""
+    values: dict[str, float] = {
+        **places,
+        "state_from": -1 if flight.state_from is None else flight.state_from,
+        "alpha_start": flight.alpha_trim_rad,
+        "ground": flight.floor_m,
+        "mach_scale": flight.sensors.mach_scale,
+    }
     if isinstance(flight.plant, JsbsimPlant):
-        header[_RAW_TRUTH], header[_ORIGIN : _ORIGIN + 4] = 1.0, flight.plant.origin
+        values |= zip(("latitude", "longitude", "north_m", "east_m"), flight.plant.origin, strict=True)
+        values["is_raw"] = 1.0
+    if flight.load_factor is not None and (auto := flight.load_factor.autothrottle) is not None:
+        values |= {"has_throttle": 1.0, "throttle_low": auto.low_norm, "throttle_high": auto.high_norm}
+        values |= {"airspeed": auto.airspeed_m_s, "airspeed_then": auto.then_m_s, "then_tick": auto.from_tick}
+    if (redesign := flight.redesign) is not None:
+        values |= {"redesign_floor": redesign.floor, "redesign_tolerance": redesign.tolerance}
+        values["has_roll_yaw_redesign"] = float(redesign.roll_yaw is not None)
+    return packed(_HEAD, **values)
+
+
+def _laws(flight: Flight) -> list[Array]:
+    """Return corrections and laws of the store, without the numbers that a redesign changes."""
+    axes, law, redesign = flight.lateral, flight.law, flight.redesign
+    fixes = [flight.adaptation, *((axes.aileron, axes.rudder) if axes is not None else ())]
+    corrections = [
+        packed(
+            _CORRECTION,
+            source=_NO_CORRECTION if not fix.enabled else _BY_TRUE_K if fix.oracle else _BY_ESTIMATE,
+            estimate=fix.estimator, floor=fix.floor, caution=fix.caution, is_effective=fix.feedback == "effective",
+            low=fix.min_rad, high=fix.max_rad, trim=fix.trim_rad,
+            peak=0.0 if fix.peak_per_reference is None else fix.peak_per_reference,
+        )
+        for fix in fixes
+    ]  # fmt: skip
+    corrections += [np.zeros(size(_CORRECTION))] * (3 - len(corrections))
+    pitch: dict[str, float] = {}
+    if isinstance(law, Proportional | ProportionalIntegral):
+        gains = law.gains
+        pitch = {"reference": gains.reference, "alpha": gains.alpha, "q": gains.q, "elevator": gains.elevator}
+        pitch |= {"alpha_trim": law.alpha_trim_rad, "elevator_trim": law.elevator_trim_rad}
+        pitch["per_tick"] = law.per_tick if isinstance(law, ProportionalIntegral) else 0.0
+    surfaces = (0, 0)
+    if redesign is not None:
+        pitch["estimate"] = redesign.pitch[1]
+        surfaces = surfaces if redesign.roll_yaw is None else redesign.roll_yaw[1]
+    return [*corrections, packed(_PITCH, **pitch), *(packed(_SURFACE, estimate=index) for index in surfaces)]
+
+
+def _put_redesigned(store: Array, flight: Flight, *, is_new: bool) -> None:
+    """Write the laws that a redesign changes into the store; a new law takes over without a step."""
+    pitch, law = flight.law, records(store[_AT_PITCH:_AT_SURFACES], _PITCH)[0]
+    if isinstance(pitch, RedesignedPitch):
+        gains = pitch.gains
+        law.redesigns, law.keep = 1.0, pitch.keep
+        law.is_new = float(is_new and law.effectiveness != pitch.effectiveness) or law.is_new
+        law.effectiveness = pitch.effectiveness
+        law.reference, law.alpha, law.q, law.elevator = gains.reference, gains.alpha, gains.q, gains.elevator
+        law.alpha_trim, law.elevator_trim = pitch.law.alpha_trim_rad, pitch.law.elevator_trim_rad
+    if flight.lateral is None:
+        return
+    both = flight.lateral.law
+    surfaces = records(store[_AT_SURFACES:_AT_ESTIMATORS], _SURFACE)
+    changed = is_new and both.effectiveness != tuple(float(to.effectiveness) for to in surfaces)
+    for to, N, F, share in zip(surfaces, both.N.tolist(), both.F.tolist(), both.effectiveness, strict=True):
+        to.p_ref, to.beta_ref = N
+        to.beta, to.p, to.r, to.aileron, to.rudder = F
+        to.keep, to.is_new, to.effectiveness = both.keep, float(changed) or to.is_new, share
+
+
+def _invalid_share(axes: LateralAxes, estimates: tuple[Estimate, ...], tick: int) -> Exception:
+    """Return the error of the first correction of aileron and rudder whose smoothed K is not finite."""
+    smoothed = [
+        estimates[fix.estimator].effectiveness_smoothed
+        for fix in (axes.aileron, axes.rudder)
+        if fix.enabled and not fix.oracle
+    ]
+    return invalid_share(next(K for K in smoothed if not isfinite(K)), tick / axes.control_hz)

@@ -65,6 +65,13 @@ class LateralAxes:
         )
 
 
+def invalid_share(smoothed: float, t_s: float) -> EstimateError:
+    """Return the error of an estimator whose smoothed K of aileron or rudder is not finite at flight time ``t_s``."""
+    return EstimateError(
+        f"estimators: smoothed K of aileron or rudder is {smoothed} at t = {t_s:g} s; the correction 1/K needs a finite K"
+    )
+
+
 def _effectiveness_used(adaptation: Adaptation, estimates: Sequence[Estimate], true_share: float, t_s: float) -> float:
     if not adaptation.enabled:
         return 1.0
@@ -72,8 +79,5 @@ def _effectiveness_used(adaptation: Adaptation, estimates: Sequence[Estimate], t
         return adaptation.effectiveness_used(true_share)
     estimate = estimates[adaptation.estimator]
     if not isfinite(estimate.effectiveness_smoothed):
-        raise EstimateError(
-            f"estimators: smoothed K of aileron or rudder is {estimate.effectiveness_smoothed} at t = {t_s:g} s; "
-            "the correction 1/K needs a finite K"
-        )
+        raise invalid_share(estimate.effectiveness_smoothed, t_s)
     return adaptation.effectiveness_used(estimate.effectiveness_smoothed, estimate.effectiveness_std)

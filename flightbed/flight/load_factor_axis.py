@@ -21,7 +21,7 @@ class LoadFactorAxis:
         autothrottle: None keeps the throttle at its trim setting.
 
     Attributes:
-        plant: the flight's plant.
+        plant, law, references, autothrottle: as given.
         sample: the load-factor sample of the latest tick.
 
     """
@@ -34,15 +34,15 @@ class LoadFactorAxis:
         autothrottle: Autothrottle | None,
     ) -> None:
         self.law = law
-        self.plant, self._references, self._autothrottle = plant, references, autothrottle
+        self.plant, self.references, self.autothrottle = plant, references, autothrottle
         self._tick = 0
         self.sample = LoadFactorSample(nan, nan)
 
     def demand(self, measurement: Measurement, *, q_ref_rad_s: float, elevator_rad: float, hold: bool) -> float:  # noqa: ARG002
         """Return the elevator deflection that should act, rad; the reference is the axis's own, in g."""
-        command, reference = self._references[self._tick]
+        command, reference = self.references[self._tick]
         demand = self.law.demand(measurement, increment_ref_g=reference, hold=hold)
-        auto, level = self._autothrottle, level_g(measurement)
+        auto, level = self.autothrottle, level_g(measurement)
         throttle = nan if auto is None else auto.throttle(measurement, self._tick)
         self.sample = LoadFactorSample(command + level, reference + level, throttle, *self.law.model)
         self._tick += 1

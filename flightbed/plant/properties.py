@@ -25,6 +25,11 @@ READ = (
     "forces/fwx-aero-lbs",
     "forces/fbx-prop-lbs",
 )
+# Arguments of ``fields`` after the initial position, in order.
+RAW = (
+    "alpha", "q", "theta", "phi", "psi", "airspeed_fps", "mach", "altitude_ft", "latitude", "longitude", "nz", "lift_lbs", "drag_lbs",
+    "thrust_lbs", "elevator", "elevator_mean", "effectiveness", "elevator_force", "cg_shift", "gust_up_m_s", "elevator_offset",
+)  # fmt: skip
 LATERAL = ("aero/beta-rad", "velocities/p-rad_sec", "velocities/r-rad_sec")  # LateralTruth; aileron and rudder follow
 Fields = tuple[
     float, float, float, float, float, float, float, float, float, float, float,

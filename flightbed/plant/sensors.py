@@ -101,6 +101,9 @@ class LateralSensors:
         ticks: length of the flight.
         seed: seed of this flight's lateral sensors; each sensor's stream is spawned from it.
 
+    Attributes:
+        errors: (ticks, 5), error of each reading at each tick, in the order of LateralNoise.
+
     """
 
     def __init__(self, noise: LateralNoise, *, ticks: int, seed: np.random.SeedSequence) -> None:
@@ -109,7 +112,8 @@ class LateralSensors:
             std * np.random.default_rng(stream).standard_normal(ticks) if std else np.zeros(ticks)
             for std, stream in zip(stds, seed.spawn(len(stds)), strict=True)
         ]
-        self._rows: list[list[float]] = np.column_stack(drawn).tolist()
+        self.errors: Array = np.column_stack(drawn)
+        self._rows: list[list[float]] = self.errors.tolist()
 
     def read(self, tick: int, truth: LateralTruth) -> LateralMeasurement:
         """Return the readings at a tick. An averaged surface position has the same error as the present one."""

@@ -70,5 +70,5 @@ def test_the_first_flight_of_a_fresh_cache_says_so_and_the_second_does_not(tmp_p
     )
     lines = [line for line in first.stderr.splitlines() if "dropped from the file" not in line]
     assert lines[0].startswith("compiling the flight computer, once, about ")
-    assert second.stderr == ""
+    assert "compiling" not in second.stderr
     assert list((tmp_path / "kernels").rglob("*.kernel"))

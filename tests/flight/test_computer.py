@@ -2,41 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 from math import nan
 
 import numpy as np
 import pytest
 
 from flightbed.analysis.trace import Trace, collect, from_rows
-from flightbed.config.kinds import ESTIMATORS
 from flightbed.control.proportional import Proportional
 from flightbed.core import data
 from flightbed.core.errors import EstimateError
 from flightbed.core.signals import Estimate, Measurement, Truth
 from flightbed.estimation.loop_gain.estimator import LoopGain
-from flightbed.flight.assembly import assemble
-from flightbed.flight.computer import rows_of
+from flightbed.estimation.two_stage.estimator import TwoStageSurfaces
+from flightbed.flight.assembly import assemble, names_of
+from flightbed.flight.composed import Composed
+from flightbed.flight.computer import Compiled, computer_of, rows_of
 from flightbed.flight.loop import fly
 from flightbed.flight.parts import Flight
 from flightbed.flight.plan import plan
 from flightbed.plant.sensors import Sensors
 from flightbed.runs.run import run
-from flightbed.scenario.reading import load_scenario
-from tests.lateral_flight import NAMES, SOON, rolling
+from flightbed.scenario.reading import Scenario, load_scenario
+from tests.lateral_flight import SOON, rolling
 
 RLS = ['estimators.1={name="rls", kind="differentiated-rls"}']
 
 
-def _both(scenario: str, settings: Sequence[str] = ()) -> tuple[Trace, Trace]:
-    planned = plan(load_scenario(scenario, settings))
-    names, hz = [e.name for e in planned.scenario.estimators], planned.scenario.rates.control_hz
-    rows = rows_of(assemble(planned))
+def _both(scenario: Scenario) -> tuple[Trace, Trace]:
+    planned = plan(scenario)
+    hz = planned.scenario.rates.control_hz
+    flight, again = assemble(planned), assemble(planned)
+    names = names_of(planned.scenario, flight.estimators)
+    has = {"lateral": flight.lateral is not None, "load_factor": flight.load_factor is not None}
+    rows = rows_of(flight)
     assert rows is not None
     return (
-        from_rows(rows, estimators=names, control_hz=hz),
-        collect(fly(assemble(planned)), estimators=names, control_hz=hz),
+        from_rows(rows, estimators=names, control_hz=hz, **has),
+        collect(fly(again), estimators=names, control_hz=hz),
     )
 
 
@@ -46,29 +50,9 @@ def _assert_equal(one: Trace, other: Trace) -> None:
         np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
-def _is_compilable(name: str) -> bool:
-    """Return whether the compiled code supports all settings of a scenario."""
-    scenario = load_scenario(name)
-    return not (
-        scenario.lateral.enabled
-        or scenario.control.law not in ("proportional", "proportional-integral")
-        or any(estimator.kind not in ("loop-gain", "differentiated-rls") for estimator in scenario.estimators)
-    )
-
-
-@pytest.mark.parametrize("name", [n for n in data.names("scenario") if _is_compilable(n)])
+@pytest.mark.parametrize("name", list(data.names("scenario")))
 def test_shipped_scenarios_are_the_same_both_ways(name: str) -> None:
-    scenario = load_scenario(name)
-    left = any(e.kind in ESTIMATORS.have(("unknown",)) for e in scenario.estimators)
-    if left or scenario.lateral.enabled or scenario.control.law == "lq":
-        assert rows_of(assemble(plan(scenario))) is None
-    else:
-        _assert_equal(*_both(name))
-
-
-@pytest.mark.parametrize("name", [n for n in data.names("scenario") if not _is_compilable(n)])
-def test_other_scenarios_are_not_compiled(name: str) -> None:
-    assert rows_of(assemble(plan(load_scenario(name)))) is None
+    _assert_equal(*_both(load_scenario(name)))
 
 
 @pytest.mark.parametrize(
@@ -89,9 +73,57 @@ def test_other_scenarios_are_not_compiled(name: str) -> None:
     ],
 )  # fmt: skip
 def test_every_setting_of_the_parts_is_the_same_both_ways(settings: list[str]) -> None:
-    compiled, plain = _both("elevator-loss", [*settings, "duration_s=8", "seed=3"])
+    compiled, plain = _both(load_scenario("elevator-loss", [*settings, "duration_s=8", "seed=3"]))
     assert 100 < len(compiled) <= 800
     _assert_equal(compiled, plain)
+
+
+PITCH = ['estimators.0={name="scheduled",kind="two-stage",memory="variable"}']
+
+
+@pytest.mark.parametrize(
+    ("scenario", "settings"),
+    [
+        ("elevator-loss", PITCH),
+        ("elevator-loss", [*PITCH, "estimators.0.model=short-period", "estimators.0.memory=expanding"]),
+        ("elevator-loss", [*PITCH, "estimators.0.memory=fading", "estimators.0.follow_disturbances=false"]),
+        ("aileron-loss", ["rates.delay_ticks=2", "atmosphere.turbulence=moderate"]),
+        ("rudder-loss", ["adaptation.oracle=true", "adaptation.feedback=position"]),
+        ("aileron-loss", ["adaptation.enabled=false"]),
+        ("elevator-and-aileron", ["adaptation.caution=1", "sensors.beta_std_deg=0.1"]),
+        ("elevator-redesign", ["seed=2", "atmosphere.turbulence=light"]),
+        ("elevator-redesign", ["rates.delay_ticks=1"]),
+        ("pull-up-loss", ["control.identification.form=plain", "control.identification.patience=3"]),
+        ("pull-up-loss-scheduled", ["control.autothrottle.enabled=true", "rates.delay_ticks=2"]),
+        ("speed-range", ["seed=4"]),
+        ("elevator-stuck", ["rates.delay_ticks=3", "estimators.1.model=short-period", "estimators.2.window=20"]),
+        (
+            "elevator-bias",
+            ["atmosphere.turbulence=severe", "estimators.1.order=2", "estimators.1.input_forgetting=0.99"],
+        ),
+        (
+            "elevator-bias",
+            ["sensors.q_std_deg_s=0.001", "estimators.2.follow_disturbances=false", "estimators.1.horizon=3"],
+        ),
+        ("harmonic-gust", ["estimators.1.model=short-period", "estimators.2.model=short-period"]),
+    ],
+)
+def test_every_setting_of_the_large_parts_is_the_same_both_ways(scenario: str, settings: list[str]) -> None:
+    _assert_equal(*_both(load_scenario(scenario, settings)))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "settings"),
+    [
+        ("pull-up-loss", ["control.identification.precision=single"]),
+        ("elevator-bias", ["estimators.1.regularization=0", "duration_s=6"]),
+        ("elevator-loss", ["estimators.1.kind=plid", "duration_s=6"]),
+    ],
+)
+def test_other_parts_are_composed(scenario: str, settings: list[str]) -> None:
+    flight = assemble(plan(load_scenario(scenario, settings)))
+    assert rows_of(flight) is None
+    assert type(computer_of(flight)) is Composed
 
 
 def test_mission_flies_the_compiled_code_with_the_same_result(tmp_path: object) -> None:
@@ -137,17 +169,37 @@ def test_subclasses_of_built_in_parts_are_not_compiled() -> None:
     assert rows_of(flight) is not None
 
 
-def test_flights_with_lateral_axes_or_a_two_stage_filter_are_not_compiled() -> None:
-    for name, settings in (("all axes", []), ("no estimator", ["estimators=[]", "adaptation.enabled=false"])):
-        flight = assemble(plan(rolling([*SOON, *settings])))
-        assert flight.lateral is not None, name
-        assert rows_of(flight) is None, name
-    two_stage = ["lateral.enabled=false", "failures=[]", "duration_s=3"]
-    assert rows_of(assemble(plan(rolling(two_stage)))) is None
-    recorded = run(rolling(SOON)).trace
-    flown = collect(fly(assemble(plan(rolling(SOON)))), estimators=NAMES, control_hz=100)
-    for name in flown.columns:
-        np.testing.assert_array_equal(recorded[name], flown[name], err_msg=name)
+@pytest.mark.parametrize("settings", [[], ["estimators=[]", "adaptation.enabled=false"], ["rates.delay_ticks=2"]])
+def test_flights_with_lateral_axes_are_the_same_both_ways(settings: list[str]) -> None:
+    _assert_equal(*_both(rolling([*SOON, *settings])))
+
+
+def test_a_smoothed_k_of_an_aileron_that_is_nan_gives_the_same_error_both_ways() -> None:
+    def broken() -> Flight:
+        flight = assemble(plan(rolling(SOON)))
+        estimator = flight.estimators[0]
+        assert isinstance(estimator, TwoStageSurfaces)
+        estimator._filter._state.gamma[1] = nan  # aileron
+        return flight
+
+    messages = []
+    for way in (rows_of, lambda flight: list(fly(flight))):
+        with pytest.raises(EstimateError) as raised:
+            way(broken())
+        messages.append(str(raised.value))
+    assert messages[0] == messages[1]
+    assert messages[0].startswith("estimators")
+
+
+def test_a_sample_of_the_compiled_computer_is_that_of_the_composed_one() -> None:
+    for scenario in (load_scenario("elevator-loss", ["duration_s=6"]), rolling(SOON), load_scenario("throttle-and-cg")):
+        flights = [assemble(plan(scenario)) for _ in range(2)]
+        computer = computer_of(flights[0])
+        assert isinstance(computer, Compiled)
+        for ours, theirs in islice(zip(fly(flights[0], computer), fly(flights[1]), strict=True), 50):
+            assert type(ours) is type(theirs)
+            assert type(ours.tick) is int
+            assert repr(ours) == repr(theirs)  # nan equals nan
 
 
 def test_a_smoothed_k_that_is_nan_gives_the_same_error_both_ways() -> None:

@@ -258,3 +258,5 @@ def test_errors_of_own_code_have_file_line_and_time() -> None:
             stepper.advance()
         with pytest.raises(ExtensionError, match=r"^own code late: fails at t = 0.05 s, tick 5: .*: OSError: no more$"):
             stepper.sense()
+        with pytest.raises(RuntimeError, match=r"^sense: the flight failed at tick 5; start a new one$"):
+            stepper._loop.sense()

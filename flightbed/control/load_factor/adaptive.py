@@ -21,11 +21,17 @@ from flightbed.control.load_factor.design import (
     LoadFactorLaw,
     gain_table,
     increment_g,
+    interpolated,
+    pressure_pa,
     second_order,
 )
-from flightbed.control.load_factor.integral_placement import AckermannConfig, IntegralPlacement
+from flightbed.control.load_factor.integral_placement import AckermannConfig, IntegralPlacement, place
 from flightbed.control.load_factor.settings import LoadFactorSettings
+from flightbed.core.compiled import Array, compiled
+from flightbed.core.records import layout, records, size
 from flightbed.core.signals import Measurement
+from flightbed.estimation.packed import MEASUREMENT
+from flightbed.estimation.plid import factored, identify
 from flightbed.estimation.plid.estimator import FORMS, dtype_of
 from flightbed.estimation.plid.identify import Form, Plid, PlidConfig, Tracking
 
@@ -52,6 +58,75 @@ class NzAdaptiveConfig:
     form: Form
     placement: AckermannConfig
     command_filter_rad_s: float = 0.0
+
+
+_MEMORY = layout(
+    (
+        "low", "high", "keep", "u", "has_begun", "square", "points", "y_before", "count", "is_factored", "reset_every", "reset_below",
+        "least", "kept", "patience", "rejected", "is_designed", "integral",
+    )
+)  # fmt: skip
+_AFTER = size(_MEMORY)
+_SIZE, _STATES, _GAINS = 6, 2, 3  # of the filter of order 2: its states and those of the plant; gains of the law
+_PLID_SETTINGS = 6
+
+
+@compiled
+def demand_of(memory: Array, now: Array, increment_ref_g: float, increment_g: float, out: Array) -> float:
+    """Return ``NzAdaptive.demand`` for compiled callers.
+
+    Args:
+        memory: as from ``NzAdaptive.packed``; updated.
+        now: fields of the Measurement.
+        increment_ref_g, increment_g: reference of a_n, and its reading.
+        out: (4,), the identified model, written.
+
+    """
+    own, m, a = records(memory[:_AFTER], _MEMORY)[0], records(now, MEASUREMENT)[0], _AFTER
+    s, a = memory[a : a + _SIZE], a + _SIZE
+    P, a = memory[a : a + _SIZE * _SIZE].reshape((_SIZE, _SIZE)), a + _SIZE * _SIZE
+    first_P, a = memory[a : a + _SIZE * _SIZE].reshape((_SIZE, _SIZE)), a + _SIZE * _SIZE
+    gain, a = memory[a : a + _SIZE], a + _SIZE
+    settings, a = memory[a : a + _PLID_SETTINGS], a + _PLID_SETTINGS
+    gains, a = memory[a : a + _GAINS], a + _GAINS
+    first_gains, a = memory[a : a + _GAINS], a + _GAINS
+    signs, a = memory[a : a + _GAINS], a + _GAINS
+    poles, a = memory[a : a + 2 * _GAINS].view(np.complex128), a + 2 * _GAINS
+    points = int(own.points)
+    table = memory[a:].reshape((points, (memory.size - a) // points))
+
+    y, error = -increment_g, -increment_ref_g - (-increment_g)
+    damping = -interpolated(table, pressure_pa(m.mach, m.altitude_m, own.square))[1] * m.q_rad_s
+    first = own.count == 0.0
+    if own.is_factored > 0.0:
+        norm = factored.step(s, P, gain, settings, own.y_before, own.u, y, 0.0, first)[2]
+    else:
+        norm = identify.step(s, P, gain, settings, own.y_before, own.u, y, 0.0, first)[2]
+    own.y_before = y
+    own.count += 1.0
+    if (own.reset_every > 0.0 and own.count % own.reset_every == 0.0) or (
+        own.reset_below > 0.0 and norm < own.reset_below and not first
+    ):
+        P[:, :] = first_P
+    taken = place(s[_STATES:], poles, signs, own.least, own.kept if own.is_designed > 0.0 else 0.0, gains)
+    if taken:
+        own.is_designed, own.rejected = 1.0, 0.0
+    else:
+        own.rejected += 1.0
+    if own.rejected == own.patience and own.patience > 0.0:
+        gains[:] = first_gains
+    fed_back, integral_gain = np.dot(gains[:_STATES], s[:_STATES]), gains[_STATES]
+    if own.has_begun == 0.0:
+        own.integral, own.has_begun = -(own.u + fed_back) / integral_gain, 1.0
+    low, high = own.low + damping, own.high + damping
+    u = -fed_back - integral_gain * own.integral
+    push = -integral_gain * error
+    if not ((u > high and push > 0.0) or (u < low and push < 0.0)):
+        own.integral += error
+    u = min(max(u, low), high)
+    own.u = min(max(own.keep * own.u + (1.0 - own.keep) * u, low), high)
+    out[:] = s[_STATES:]
+    return float(own.u - damping)
 
 
 class NzAdaptive:
@@ -87,6 +162,23 @@ class NzAdaptive:
         """Identified a_0, a_1, b_0, b_1."""
         a_0, a_1, b_0, b_1 = self._plid.parameters.tolist()
         return a_0, a_1, b_0, b_1
+
+    def packed(self) -> Array | None:
+        """Return the memory of ``demand_of``; None in single precision, or if the initial integral gain is 0."""
+        plid, placement, config = self._plid, self._placement, self._placement.config
+        if plid.config.dtype != "float64" or config.first[-1] == 0.0 or plid.config.feedthrough:
+            return None
+        stored, poles = plid.stored.ravel(), np.array(config.poles, dtype=np.complex128).view(np.float64)
+        own = [
+            *self._stops, self._keep, self._u, 0.0, 2.0, len(self._table.dynamic_pressure_pa), 0.0, 0.0,
+            float(plid.form is FORMS["factored"]), *plid.reset, config.smallest_controllability, config.kept, config.patience, 0.0,
+            0.0, 0.0,
+        ]  # fmt: skip
+        signs = config.signs or (0,) * len(config.poles)
+        return np.concatenate(
+            [own, plid.state, plid.parameters, stored, stored, plid.gain, plid.settings, placement.gains, config.first, signs, poles,
+             self._table.packed().ravel()]
+        )  # fmt: skip
 
     def demand(self, measurement: Measurement, *, increment_ref_g: float, hold: bool) -> float:  # noqa: ARG002
         """Return the demanded effective deflection, rad. ``hold`` is not used: the law applies the stops itself."""

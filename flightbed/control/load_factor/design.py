@@ -18,6 +18,8 @@ import numpy.typing as npt
 from flightbed.avionics.pitch_points import PitchPoint
 from flightbed.avionics.short_period import zero_order_hold
 from flightbed.control import placement
+from flightbed.core.atmosphere import air
+from flightbed.core.compiled import compiled
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import Measurement
 
@@ -56,6 +58,10 @@ class GainTable:
     dynamic_pressure_pa: Array
     gains: Array
 
+    def packed(self) -> Array:
+        """Return the table of ``interpolated``, (N, 5)."""
+        return np.column_stack([self.dynamic_pressure_pa, self.gains])
+
     def at(self, dynamic_pressure_pa: float) -> tuple[float, float, float, float]:
         """Return the gains (alpha, q, error, integral), interpolated linearly between the points."""
         nodes, p = self.dynamic_pressure_pa, dynamic_pressure_pa
@@ -84,6 +90,31 @@ class LoadFactorDesign:
     actuator_rad_s: float
     stops_rad: tuple[float, float]
     elevator_trim_rad: float
+
+
+@compiled
+def interpolated(table: Array, dynamic_pressure_pa: float) -> tuple[float, float, float, float]:
+    """Return ``GainTable.at`` for compiled callers; ``table`` is (N, 5), each row a dynamic pressure and its gains."""
+    count, i = table.shape[0], 0
+    while i < count and table[i, 0] < dynamic_pressure_pa:
+        i += 1
+    i = min(max(i, 1), count - 1)
+    low, high = table[i - 1], table[i]
+    share = min(max((dynamic_pressure_pa - low[0]) / (high[0] - low[0]), 0.0), 1.0)
+    return (
+        low[1] + share * (high[1] - low[1]), low[2] + share * (high[2] - low[2]), low[3] + share * (high[3] - low[3]),
+        low[4] + share * (high[4] - low[4]),
+    )  # fmt: skip
+
+
+@compiled
+def pressure_pa(mach: float, altitude_m: float, square: float) -> float:
+    """Return ``dynamic_pressure_pa`` for compiled callers.
+
+    ``square`` is the exponent 2: as a constant it would be compiled as a product, whose last bit differs from that of Python's power.
+    """
+    pressure = air(altitude_m)[0]
+    return float(0.7 * pressure * mach**square)
 
 
 def increment_g(measurement: Measurement) -> float:

@@ -80,7 +80,7 @@ def augment(theta: Array, A: Array, b: Array) -> None:
 
 
 @compiled
-def _design(theta: Array, poles: placement.Poles, signs: Array, least: float, kept: float, gains: Array) -> bool:
+def place(theta: Array, poles: placement.Poles, signs: Array, least: float, kept: float, gains: Array) -> bool:
     """Compute the gains of a model; accept them if the model is controllable and their signs are allowed.
 
     ``kept`` is the share of the previous gains in the new ones. Returns whether the gains were accepted.
@@ -123,7 +123,7 @@ class IntegralPlacement:
 
         """
         kept, least = self.config.kept if self._designed else 0.0, self.config.smallest_controllability
-        taken = bool(_design(theta, self._poles, self._signs, least, kept, self._gains))
+        taken = bool(place(theta, self._poles, self._signs, least, kept, self._gains))
         self._designed |= taken
         self._rejected_in_a_row = 0 if taken else self._rejected_in_a_row + 1
         if self._rejected_in_a_row == self.config.patience > 0:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import nan
 from typing import Literal
 
+import numpy as np
+
 from flightbed.avionics.pitch_points import dynamic_pressure_pa
 from flightbed.control.load_factor.design import (
     GainTable,
@@ -12,9 +14,43 @@ from flightbed.control.load_factor.design import (
     LoadFactorLaw,
     gain_table,
     increment_g,
+    interpolated,
+    pressure_pa,
 )
 from flightbed.control.load_factor.settings import LoadFactorSettings
+from flightbed.core.compiled import Array, compiled
+from flightbed.core.records import layout, records, size
 from flightbed.core.signals import Measurement
+from flightbed.estimation.packed import MEASUREMENT
+
+_MEMORY = layout(("hz", "low", "high", "demand", "alpha", "q", "missed", "square", "points"))
+_TABLE = size(_MEMORY)
+
+
+@compiled
+def demand_of(memory: Array, now: Array, increment_ref_g: float, increment_g: float, hold: bool) -> float:
+    """Return ``NzScheduled.demand`` for compiled callers.
+
+    Args:
+        memory: as from ``NzScheduled.packed``; updated.
+        now: fields of the Measurement.
+        increment_ref_g, increment_g: reference of a_n, and its reading.
+        hold: as in ``LoadFactorLaw``.
+
+    """
+    own, m = records(memory[:_TABLE], _MEMORY)[0], records(now, MEASUREMENT)[0]
+    points = int(own.points)
+    table = memory[_TABLE:].reshape((points, (memory.size - _TABLE) // points))
+    alpha, q, error, integral = interpolated(table, pressure_pa(m.mach, m.altitude_m, own.square))
+    missed = increment_ref_g - increment_g
+    if own.alpha != own.alpha:  # increments start at the first reading
+        own.alpha, own.q, own.missed = m.alpha_rad, m.q_rad_s, missed
+    own.demand += alpha * (m.alpha_rad - own.alpha) + q * (m.q_rad_s - own.q) + error * (missed - own.missed)
+    own.alpha, own.q, own.missed = m.alpha_rad, m.q_rad_s, missed
+    if not hold:
+        own.demand += integral * missed / own.hz
+    own.demand = min(max(own.demand, own.low), own.high)
+    return float(own.demand)
 
 
 class NzScheduled:
@@ -41,6 +77,11 @@ class NzScheduled:
     def model(self) -> tuple[float, float, float, float]:
         """Four nan: the law identifies nothing."""
         return nan, nan, nan, nan
+
+    def packed(self) -> Array:
+        """Return the memory of ``demand_of``."""
+        own = [self._hz, *self._stops, self._demand, *self._last, 2.0, len(self.table.dynamic_pressure_pa)]
+        return np.concatenate([own, self.table.packed().ravel()])
 
     def demand(self, measurement: Measurement, *, increment_ref_g: float, hold: bool) -> float:
         """Return the demanded effective deflection, rad."""

@@ -13,10 +13,11 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.config.kinds import EffectivenessPrior, EstimatorSettings, Surroundings
 from flightbed.config.table import NonNegative, Positive, between, only_with
 from flightbed.core.compiled import Array, compiled
+from flightbed.core.records import layout, records, size
 from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.core.units import DEG
 from flightbed.estimation.loop_gain import filter_bank, scheduled
-from flightbed.estimation.loop_gain.filter_bank import TickResult
+from flightbed.estimation.packed import ESTIMATE, MEASUREMENT
 
 _new = tuple.__new__
 _BEGIN = MappingProxyType(
@@ -77,27 +78,41 @@ class LoopGainConfig:
     prior_effectiveness_var: float = 0.63**2
 
 
+_WIRING = layout(("dt", "alpha_trim", "input_offset", "mean_input", "at_start", "filters"))
+_SETTINGS = size(_WIRING)  # start of the settings in the memory
+
+
 @compiled
 def observe(
-    bank: Array, settings: Array, schedule: Array, wiring: Array, then: Array, now: Array, k: int
-) -> TickResult:
-    """Take the readings of tick k as arrays: ``LoopGain.update`` for compiled callers.
-
-    Args:
-        bank, settings, schedule, wiring: as from ``LoopGain.packed``; the first two are updated.
-        then, now: the fields of the Measurement at the previous tick and at this one; at tick 0 both are those of this tick.
-        k: number of the tick.
-
-    """
-    dt, alpha_trim, offset, field = wiring[0], wiring[1], wiring[2], int(wiring[3])
-    elevator = now[field]
-    if wiring[4] > 0.0:
-        elevator = then[field] if k > 0 else 0.0
+    memory: Array, now: Array, then: Array, _turning: Array, _turned: Array, _command: float, k: int, out: Array
+) -> None:
+    """Take the readings of tick k: ``LoopGain.update`` for compiled callers; see ``packed.Packable``."""
+    wiring = records(memory[:_SETTINGS], _WIRING)[0]
+    bank_at = _SETTINGS + filter_bank.SETTINGS
+    filters = int(wiring.filters)
+    schedule_at = bank_at + filter_bank.ROWS * filters
+    settings, schedule = memory[_SETTINGS:bank_at], memory[schedule_at:]
+    bank = memory[bank_at:schedule_at].reshape((filter_bank.ROWS, filters))
+    m, before = records(now, MEASUREMENT)[0], records(then, MEASUREMENT)[0]
+    elevator = m.elevator_mean_rad if wiring.mean_input > 0.0 else m.elevator_rad
+    if wiring.at_start > 0.0:
+        elevator = 0.0
+        if k > 0:
+            elevator = before.elevator_mean_rad if wiring.mean_input > 0.0 else before.elevator_rad
     if schedule.size == 0:
-        return filter_bank.tick(bank, settings, elevator - offset, now[0] - alpha_trim, now[1], k)
-    return scheduled.tick(
-        bank, settings, schedule, dt, elevator, now[0], now[1], then[0], then[1], then[4], then[5], then[6], then[7], k
-    )
+        found = filter_bank.tick(
+            bank, settings, elevator - wiring.input_offset, m.alpha_rad - wiring.alpha_trim, m.q_rad_s, k
+        )
+    else:
+        found = scheduled.tick(
+            bank, settings, schedule, wiring.dt, elevator, m.alpha_rad, m.q_rad_s, before.alpha_rad, before.q_rad_s,
+            before.mach, before.altitude_m, before.theta_rad, before.phi_rad, k,
+        )  # fmt: skip
+    to = records(out, ESTIMATE)[0]
+    (
+        to.effectiveness, to.effectiveness_std, to.effectiveness_smoothed, to.effectiveness_raw, to.alpha_rad, to.q_rad_s, to.nis,
+        to.alarms, to.innovation_alpha_rad, to.innovation_q_rad_s, to.innovation_alpha_std_rad, to.innovation_q_std_rad_s,
+    ) = found  # fmt: skip
 
 
 class LoopGain:
@@ -197,11 +212,11 @@ class LoopGain:
             )
         return _new(Estimate, found + NOTHING_RECONSTRUCTED)
 
-    def packed(self) -> tuple[Array, Array, Array, Array]:
-        """Return copies of the arrays of ``observe``: bank, settings, schedule (empty without one), wiring."""
-        schedule = np.zeros(0) if self._schedule is None else self._schedule.copy()
-        wiring = [self._dt, self._alpha_trim, self._input_offset, float(self._input), float(self._at_start)]
-        return self._bank.copy(), self._settings.copy(), schedule, np.array(wiring)
+    def packed(self) -> Array:
+        """Return the memory of ``observe``: wiring, settings, bank, schedule (empty without one)."""
+        schedule = np.zeros(0) if self._schedule is None else self._schedule
+        wiring = [self._dt, self._alpha_trim, self._input_offset, float(self._input == 3), float(self._at_start)]
+        return np.concatenate([[*wiring, self._bank.shape[1]], self._settings, self._bank.ravel(), schedule])
 
 
 class LoopGainPrior(EffectivenessPrior):

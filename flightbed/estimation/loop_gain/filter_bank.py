@@ -17,6 +17,7 @@ TickResult = tuple[
 ]  # the estimate of a tick, see ``tick``
 
 FIXED, ANCHORED, CORRECTED = 0.0, 1.0, 2.0  # start of a filter
+ROWS, SETTINGS = 47, 44  # rows of a bank, and numbers of its settings
 ONSET_TICKS = 15.0  # ticks after an alarm during which the onset of the change is still searched
 
 
@@ -160,6 +161,12 @@ def disturbance(
 
 
 @compiled
+def remember(bank: Array, z0: float, z1: float) -> None:
+    """Take the readings at the start of a period, for ``disturbance``."""
+    bank[36, 0], bank[37, 0] = z0, z1
+
+
+@compiled
 def _age(slot: int, since: int, k: int, W: int) -> int:
     """Return the number of samples, at most W, that a filter has processed at tick k; ``since`` is k mod W."""
     if k >= W:
@@ -263,7 +270,7 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
         )
         if k >= W:
             best = k % W
-    bank[36, 0], bank[37, 0] = z0, z1
+    remember(bank, z0, z1)
     raised = False
     if threshold > 0.0 and W > 1 and k > 0:
         raised = alarm(bank, settings, k)
@@ -323,7 +330,7 @@ def new_bank(filters: int) -> Array:
     of the residuals of alpha, from which the gust's pitch rate is estimated, 17 its mean square; 18 variance of the smoothed K-hat. The
     last four rows hold each filter's innovations of the two readings and their variances.
     """
-    return np.zeros((47, filters))
+    return np.zeros((ROWS, filters))
 
 
 def pack_settings(

@@ -198,27 +198,32 @@ class Plid:
         config: settings.
         form: form of the covariance: conventional, or factored (``factored.FACTORED``).
 
+    Attributes:
+        stored: stored array of the covariance, (N, N).
+        settings: as in ``step``.
+        reset: samples after which the covariance is reset, and the squared norm of gains below which it is reset.
+
     """
 
     def __init__(self, config: PlidConfig, form: Form = CONVENTIONAL) -> None:
         tracking = config.tracking
-        self.config, self._form, self._type = config, form, np.dtype(config.dtype)
+        self.config, self.form, self._type = config, form, np.dtype(config.dtype)
         self._s = np.zeros(config.size, dtype=self._type)
         if config.prior:
             self._s[:] = config.prior
         self._gain = np.zeros_like(self._s)
         memory = (tracking.whole_fade, tracking.block_fade, tracking.pseudonoise_var)
-        self._settings = np.array(
+        self.settings = np.array(
             [config.output_var, config.process_var, *memory, np.finfo(self._type).tiny], dtype=self._type
         )
-        self._reset = (tracking.reset_every, tracking.reset_below**2)
-        self._stored = self._start()
+        self.reset = (tracking.reset_every, tracking.reset_below**2)
+        self.stored = self._start()
         self._y, self._count = 0.0, 0
         self.innovation, self.innovation_var = 0.0, 0.0
 
     def _start(self) -> Stored:
         variances = np.broadcast_to(np.asarray(self.config.prior_var, dtype=np.float64), (self.config.size,))
-        return np.ascontiguousarray(self._form.start(variances), dtype=self._type)
+        return np.ascontiguousarray(self.form.start(variances), dtype=self._type)
 
     def update(self, y: float, u_before: float, u: float = 0.0) -> None:
         """Take the reading of the next sample.
@@ -230,13 +235,13 @@ class Plid:
 
         """
         first = self._count == 0
-        self.innovation, self.innovation_var, norm = self._form.step(
-            self._s, self._stored, self._gain, self._settings, self._y, u_before, y, u, first
+        self.innovation, self.innovation_var, norm = self.form.step(
+            self._s, self.stored, self._gain, self.settings, self._y, u_before, y, u, first
         )
         self._y, self._count = y, self._count + 1
-        every, below = self._reset
+        every, below = self.reset
         if (every and self._count % every == 0) or (below and norm < below and not first):
-            self._stored = self._start()
+            self.stored = self._start()
 
     @property
     def state(self) -> Array:
@@ -251,7 +256,7 @@ class Plid:
     @property
     def covariance(self) -> Array:
         """Covariance P, (N, N)."""
-        return self._form.covariance(self._stored.astype(np.float64))
+        return self.form.covariance(self.stored.astype(np.float64))
 
     @property
     def gain(self) -> Array:

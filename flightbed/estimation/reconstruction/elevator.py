@@ -25,19 +25,20 @@ from flightbed.core.compiled import Array
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
 from flightbed.estimation.loop_gain import filter_bank
-from flightbed.estimation.reconstruction import regression
+from flightbed.estimation.reconstruction import observers, regression
+from flightbed.estimation.reconstruction.input_kalman import random_walk
 from flightbed.estimation.reconstruction.input_model import InputModel
 from flightbed.estimation.reconstruction.methods import (
+    NOTHING,
     Method,
     RandomWalkMethod,
     RetrospectiveCostMethod,
     RetrospectiveSettings,
     WalkSettings,
 )
+from flightbed.estimation.reconstruction.observers import FAR
 from flightbed.estimation.reconstruction.regression import FollowingConfig
 from flightbed.estimation.reconstruction.regression_kernels import ALARMS, follow, restart
-
-FAR = 1e4  # innovation, in standard deviations, beyond which the method restarts from the readings
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,12 @@ class PitchMotion:
         affine = trim - discrete.A @ trim - discrete.b * design.elevator_trim_rad
         self._rows, self._work = np.column_stack([discrete.A, discrete.b, affine]), np.zeros((2, 4))
 
+    def packed(self) -> tuple[dict[str, float], tuple[Array, Array], Array]:
+        """Return values of the head of ``observers``, its arrays of the model, and the schedule (empty without one)."""
+        schedule = np.zeros(0) if self._schedule is None else self._schedule
+        values = {"is_scheduled": float(schedule.size > 0), "dt": self._dt}
+        return values, (self._rows, self._work), schedule
+
     def rows(self, m: Measurement, acting_rad: float) -> Array:
         """Return (2, 4), [A | b | c] of x+ = A x + b u + c, x = (alpha, q), u the deflection that acts, linearized at ``acting_rad``.
 
@@ -99,6 +106,10 @@ class Disturbances:
     def __init__(self) -> None:
         self._bank, self._settings, self._tick = filter_bank.new_bank(1), np.ones(23), 0
         self._bank[24, 0] = self._bank[34, 0] = self._bank[35, 0] = 1.0
+
+    def packed(self) -> tuple[Array, Array]:
+        """Return bank and settings of ``filter_bank.disturbance``."""
+        return self._bank, self._settings
 
     def variances(self, model: InputModel, acting: float, y: Array) -> Array:
         """Return the variances (2,) of the disturbances of alpha and q in a tick.
@@ -140,6 +151,7 @@ class ElevatorReconstruction:
 
     def __init__(self, config: ReconstructionConfig, onboard: OnBoard) -> None:
         noise, dt = onboard.noise, 1.0 / onboard.control_hz
+        self._config = config
         self._motion = PitchMotion(onboard, scheduled=config.scheduled)
         self._sigma = np.array([noise.alpha_rad, noise.q_rad_s])
         disturbed = np.array([config.alpha_disturbance_rad_s, config.q_disturbance_rad_s2]) * dt / self._sigma
@@ -174,6 +186,52 @@ class ElevatorReconstruction:
         sigma = self._sigma
         scaled = self._motion.rows(m, self._acting) / sigma[:, None]
         return InputModel(scaled[:, :2] * sigma, scaled[:, 2:3] * DEG, np.eye(2), scaled[:, 3:4])
+
+    def packed(self) -> Array | None:
+        """Return the memory of ``observers.observe_elevator``; None for a retrospective cost without regularization."""
+        method, n = self._config.method, self._method.states
+        values, model, schedule = self._motion.packed()
+        if isinstance(method, WalkSettings):
+            walk = random_walk(1, step_std=method.step_rad / DEG, initial_std=method.initial_rad / DEG)
+            memory = observers.walk_memory(np.diag(self._Q), NOTHING * np.eye(2), walk)
+            values |= {"is_walk": 1.0}
+            F, G = np.zeros((n, n)), np.zeros((n, 2))
+        else:
+            config = method.config(DEG)
+            if config.regularization <= 0.0:
+                return None
+            assert isinstance(self._method, RetrospectiveCostMethod)
+            memory, (F, G) = observers.retrospective_memory(2, config), self._method.propagation
+            values |= {
+                "order": config.order, "horizon": method.horizon, "initial_covariance": config.initial_covariance,
+            }  # fmt: skip
+        values |= dict(zip(("sigma_alpha", "sigma_q"), self._sigma.tolist(), strict=True))
+        values |= dict(zip(("process_alpha", "process_q"), self._Q.tolist(), strict=True))
+        values |= {
+            "states": n,
+            "window": self._window,
+            "follows": float(self._follows),
+            "method": memory.size,
+            "slope": 1.0,
+        }
+        queue = np.zeros(0)
+        if self._actuator is not None:
+            values |= self._actuator.packed()
+            queue = np.zeros(int(values["delay"]))
+        following = regression.begin(n, self._config.following)
+        return observers.pack(
+            values,
+            queue,
+            *model,
+            np.zeros((2, 4)),
+            *Disturbances().packed(),
+            self._settings,
+            *following,
+            F,
+            G,
+            memory,
+            schedule,
+        )
 
     def commanded(self, elevator_cmd_rad: float) -> None:
         """Take the command of the period that starts now, rad."""

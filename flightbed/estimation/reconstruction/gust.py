@@ -24,10 +24,12 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.core.compiled import Array
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation.reconstruction.elevator import FAR, PitchMotion
+from flightbed.estimation.reconstruction import observers
+from flightbed.estimation.reconstruction.elevator import PitchMotion
 from flightbed.estimation.reconstruction.input_kalman import InputKalmanFilter, random_walk
 from flightbed.estimation.reconstruction.input_model import InputModel
 from flightbed.estimation.reconstruction.methods import NOTHING, RetrospectiveSettings, WalkSettings
+from flightbed.estimation.reconstruction.observers import FAR
 from flightbed.estimation.reconstruction.retrospective_cost import RetrospectiveCost
 
 
@@ -79,6 +81,26 @@ class GustReconstruction:
     def _reset(self) -> None:
         self._last: Measurement | None = None
         self._estimator: RetrospectiveCost | InputKalmanFilter | None = None
+
+    def packed(self) -> Array | None:
+        """Return the memory of ``observers.observe_gust``; None for a retrospective cost without regularization."""
+        method, unit = self._config.method, float(self._sigma[2])
+        values, model, schedule = self._motion.packed()
+        if isinstance(method, WalkSettings):
+            walk = random_walk(1, step_std=method.step_rad / unit, initial_std=method.step_rad / unit)
+            memory = observers.walk_memory(self._process, np.diag([NOTHING, NOTHING, 0.0]), walk)
+            values |= {"is_walk": 1.0}
+        else:
+            config = method.config(unit)
+            if config.regularization <= 0.0:
+                return None
+            memory = observers.retrospective_memory(3, config)
+            values |= {
+                "order": config.order, "horizon": method.horizon, "initial_covariance": config.initial_covariance,
+            }  # fmt: skip
+        sigma_alpha, sigma_q, _ = self._sigma.tolist()
+        values |= {"sigma_alpha": sigma_alpha, "sigma_q": sigma_q, "kept": self._kept, "method": memory.size}
+        return observers.pack(values, *model, memory, schedule)
 
     def _start(self, model: InputModel, y: Array) -> RetrospectiveCost | InputKalmanFilter:
         method, unit, state = self._config.method, float(self._sigma[2]), np.array([y[0], y[1], 0.0])

@@ -83,7 +83,7 @@ def harmonic(inputs: int, rad_per_sample: float, *, step_std: float, initial_std
 
 
 @compiled
-def _correct(x: Array, P: Array, C: Array, R: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+def correct(x: Array, P: Array, C: Array, R: Array, y: Array) -> tuple[Array, Array, Array, Array]:
     """Return state, covariance (Joseph form), innovation and gain after correction by an output."""
     e = y - C @ x
     gain = np.linalg.solve(C @ P @ C.T + R, C @ P).T
@@ -139,7 +139,7 @@ class InputKalmanFilter:
         C, F = self._C, self._F
         C[:, :n], F[:n, :n], F[:n, n:] = model.C, model.A, model.B @ d.H
         y = np.atleast_1d(np.asarray(y, dtype=np.float64))
-        x, P, innovation, self._gain = _correct(self._x, self._P, C, self._R, y)
+        x, P, innovation, self._gain = correct(self._x, self._P, C, self._R, y)
         self._x = F @ x
         self._x[:n] += model.known_part(known)
         self._P = F @ P @ F.T + self._Q
@@ -204,7 +204,7 @@ class UnknownInputObserver:
         y, m = np.atleast_1d(np.asarray(y, dtype=np.float64)), model.inputs
         before, self._before = self._before, (model, model.known_part(known))
         if before is None:
-            self._x, self._P, e, _ = _correct(self._x, self._P, model.C, self._R, y)
+            self._x, self._P, e, _ = correct(self._x, self._P, model.C, self._R, y)
             return InputEstimate(np.full(m, np.nan), np.full(m, np.inf), self._x, e)
         x, u, variance, self._P, e = _unbiased(
             self._x, self._P, before[0].A, before[0].B, before[1], model.C, self._Q, self._R, y

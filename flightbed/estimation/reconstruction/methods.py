@@ -116,6 +116,13 @@ class RetrospectiveCostMethod:
             self._F[i, i - 2] = 1.0
         self._newest = slice(2 + nc, 4 + nc)
 
+    @property
+    def propagation(self) -> tuple[Array, Array]:
+        """Propagation of the error before the first reading, F and G of ``InputReconstruction``."""
+        F, G = self._F.copy(), self._G.copy()
+        F[self._newest, :2] = G[self._newest] = 0.0
+        return F, G
+
     def begin(self, model: InputModel, y: Array) -> None:
         """Restart from the readings."""
         self._cost = RetrospectiveCost(self._config, model, state=y)

@@ -13,7 +13,7 @@ STAGGERED = 3  # number of overlapping windows, with staggered starts
 OUT = 2  # index of u^ in the filter's state, after the errors of alpha and q
 EXPLAINED, OFFSET, ACTUATOR = 0.0, 1.0, 2.0  # values of a verdict
 RATIO, ALARMS, SMOOTHED, _OFFSET, _ACTUATOR, _ALPHA, _Q = range(7)  # indices into ``marks``
-MARKS = 7
+MARKS, SUMS = 7, 7  # numbers of ``marks``, and of the sums of one regression
 
 
 class Following(NamedTuple):

@@ -15,8 +15,10 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.config.kinds import EstimatorSettings, Surroundings
 from flightbed.config.table import NonNegative, Positive, Settings, between, only_with
 from flightbed.core.compiled import Array, compiled
+from flightbed.core.records import layout, records, size
 from flightbed.core.signals import SURFACES, Estimate, LateralMeasurement, Measurement
 from flightbed.core.units import DEG
+from flightbed.estimation.packed import LATERAL_MEASUREMENT, MEASUREMENT
 from flightbed.estimation.two_stage.change_test import chi_square_threshold
 from flightbed.estimation.two_stage.filter import (
     ConstantForgetting,
@@ -94,6 +96,7 @@ class _Settings(NamedTuple):
     scalars: Array
 
 
+_FORGETTING, _SCALARS = 3, 5  # numbers of these two settings
 _LEAK = 1.0 - 1.0 / 15.0
 
 
@@ -177,6 +180,88 @@ def advance(
     return rows
 
 
+_DIMENSIONS = layout(("states", "inputs", "terms", "dt", "alpha_trim", "is_scheduled", "tables"))
+_AFTER = size(_DIMENSIONS)
+
+
+@compiled
+def _arrays(memory: Array, n: int, inputs: int, terms: int) -> tuple[_State, _Settings, int]:
+    """Return state and settings of a memory, and the index of what follows them; the order is that of ``_Filter.packed``."""
+    a = _AFTER
+    square, wide, small = n * n, n * inputs, inputs * inputs
+    Q, a = memory[a : a + square].reshape((n, n)), a + square
+    Q_gamma, a = memory[a : a + small].reshape((inputs, inputs)), a + small
+    R, a = memory[a : a + square].reshape((n, n)), a + square
+    forgetting, a = memory[a : a + _FORGETTING], a + _FORGETTING
+    scalars, a = memory[a : a + _SCALARS], a + _SCALARS
+    x, a = memory[a : a + n], a + n
+    V, a = memory[a : a + wide].reshape((n, inputs)), a + wide
+    Px, a = memory[a : a + square].reshape((n, n)), a + square
+    gamma, a = memory[a : a + inputs], a + inputs
+    Pg, a = memory[a : a + small].reshape((inputs, inputs)), a + small
+    sums, a = memory[a : a + n], a + n
+    squares, a = memory[a : a + n], a + n
+    last, a = memory[a : a + n], a + n
+    smoothed, a = memory[a : a + inputs], a + inputs
+    raised, a = memory[a : a + inputs], a + inputs
+    alarms, a = memory[a : a + inputs], a + inputs
+    tested, a = memory[a : a + terms * inputs].reshape((terms, inputs)), a + terms * inputs
+    state = _State(x, V, Px, gamma, Pg, sums, squares, last, smoothed, raised, alarms, tested)
+    return state, _Settings(Q, Q_gamma, R, forgetting, scalars), a
+
+
+@compiled
+def _write(rows: Array, out: Array) -> None:
+    """Write the rows of ``advance`` into consecutive estimates."""
+    width = out.size // rows.shape[0]
+    for i in range(rows.shape[0]):
+        out[i * width : i * width + rows.shape[1]] = rows[i]
+
+
+@compiled
+def observe_pitch(
+    memory: Array, now: Array, then: Array, _turning: Array, _turned: Array, _command: float, k: int, out: Array
+) -> None:
+    """Take the readings of tick k: ``TwoStagePitch.update`` for compiled callers; see ``packed.Packable``."""
+    head = records(memory[:_AFTER], _DIMENSIONS)[0]
+    state, settings, a = _arrays(memory, int(head.states), int(head.inputs), int(head.terms))
+    model, work, schedule = memory[a : a + 8].reshape((2, 4)), memory[a + 8 : a + 16].reshape((2, 4)), memory[a + 16 :]
+    m, before = records(now, MEASUREMENT)[0], records(then, MEASUREMENT)[0]
+    if head.is_scheduled > 0.0 and k > 0:
+        pitch_kernels.local_model(
+            schedule, model, work, state.smoothed[0], head.dt, before.alpha_rad, before.q_rad_s, m.elevator_mean_rad,
+            before.mach, before.altitude_m, before.theta_rad, before.phi_rad, 0.0,
+        )  # fmt: skip
+    A, B, c = model[:, :2].copy(), model[:, 2:3].copy(), model[:, 3].copy()
+    u, z = np.empty(1), np.empty(2)
+    u[0] = m.elevator_mean_rad
+    z[0], z[1] = m.alpha_rad - head.alpha_trim, m.q_rad_s
+    _write(advance(state, settings, A, B, c, u, z, head.alpha_trim, k), out)
+
+
+@compiled
+def observe_surfaces(
+    memory: Array, now: Array, then: Array, turning: Array, turned: Array, _command: float, k: int, out: Array
+) -> None:
+    """Take the readings of tick k: ``TwoStageSurfaces.update_all`` for compiled callers; see ``packed.Packable``."""
+    head = records(memory[:_AFTER], _DIMENSIONS)[0]
+    state, settings, a = _arrays(memory, int(head.states), int(head.inputs), int(head.terms))
+    work, a = memory[a : a + 90].reshape((10, 9)), a + 90
+    tables, schedule = memory[a : a + int(head.tables)], memory[a + int(head.tables) :]
+    m, before = records(now, MEASUREMENT)[0], records(then, MEASUREMENT)[0]
+    side, aside = records(turning, LATERAL_MEASUREMENT)[0], records(turned, LATERAL_MEASUREMENT)[0]
+    if k > 0:
+        lateral_kernels.local_model(
+            schedule, tables, work, state.smoothed[0], head.dt, m.elevator_mean_rad, before.alpha_rad, before.q_rad_s,
+            before.mach, before.altitude_m, before.theta_rad, before.phi_rad, aside.beta_rad, aside.p_rad_s, aside.r_rad_s,
+        )  # fmt: skip
+    A, B, c = work[:5, :5].copy(), work[:5, 5:8].copy(), work[:5, 8].copy()
+    u, z = np.empty(3), np.empty(5)
+    u[0], u[1], u[2] = m.elevator_mean_rad, side.aileron_mean_rad, side.rudder_mean_rad
+    z[0], z[1], z[2], z[3], z[4] = m.alpha_rad, m.q_rad_s, side.beta_rad, side.p_rad_s, side.r_rad_s
+    _write(advance(state, settings, A, B, c, u, z, 0.0, k), out)
+
+
 class _Filter:
     """Filter, test and smoother for l inputs; the first two states are alpha and q."""
 
@@ -212,6 +297,13 @@ class _Filter:
     def smoothed(self) -> float:
         """Smoothed K-hat of the elevator."""
         return float(self._state.smoothed[0])
+
+    def packed(self, *more: Array, dt: float, alpha_trim: float = 0.0, tables: int = 0) -> Array:
+        """Return the memory of ``observe_pitch`` or ``observe_surfaces``; ``more`` follows state and settings."""
+        terms, inputs = self._state.terms.shape
+        head = [len(self._state.x), inputs, terms, dt, alpha_trim, float(more[-1].size > 0), tables]
+        arrays = (np.array(head, dtype=np.float64), *self._settings, *self._state, *more)
+        return np.concatenate([array.ravel() for array in arrays])
 
     def take(self, readings: Array, A: Array, B: Array, c: Array, u: Array, offset: float) -> list[Estimate]:
         """Return the estimates of all inputs at the next tick; ``offset`` is added to alpha."""
@@ -256,6 +348,11 @@ class TwoStagePitch:
             pitch_kernels.local_model(
                 self._schedule, self._model, self._work, 1.0, self._dt, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.0
             )
+
+    def packed(self) -> Array:
+        """Return the memory of ``observe_pitch``."""
+        schedule = np.zeros(0) if self._schedule is None else self._schedule
+        return self._filter.packed(self._model, self._work, schedule, dt=self._dt, alpha_trim=self._alpha_trim)
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
@@ -305,6 +402,11 @@ class TwoStageSurfaces:
         lateral_kernels.local_model(
             self._schedule, self._tables, self._work, 1.0, self._dt, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         )
+
+    def packed(self) -> Array:
+        """Return the memory of ``observe_surfaces``."""
+        tables = self._tables
+        return self._filter.packed(self._work, tables, self._schedule, dt=self._dt, tables=tables.size)
 
     def update_all(self, measurement: Measurement, lateral: LateralMeasurement) -> Sequence[Estimate]:
         """Take the readings of the next tick, return the estimates of elevator, aileron and rudder that include them."""

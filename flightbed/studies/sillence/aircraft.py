@@ -58,11 +58,12 @@ def f16(
     scheduled = next(e for e in raw["estimators"] if e["name"] == SCHEDULED)
     bounds: dict[str, Any] = {"bounds": (0.0, 1.0)} if adapts == WINDOW else {}
     given: dict[str, Any] = {
-        "adaptation": {"enabled": True, "oracle": True}
-        if adapts == ORACLE
-        else {"enabled": bool(adapts), "estimator": adapts},
+        "adaptation": {"enabled": True, "estimator": adapts} if adapts else {"enabled": False},
         "estimators": [estimator(WINDOW, **bounds), estimator(EXPANDING, "expanding"), scheduled],
     }
+    if adapts == ORACLE:  # no estimator is named, and no caution is taken with its sigma
+        raw["adaptation"] = {k: v for k, v in raw["adaptation"].items() if k not in ("estimator", "caution")}
+        given["adaptation"] = {"enabled": True, "oracle": True}
     if left is not None:
         given["failures"] = [{"kind": "effectiveness", "at_s": printed.FAILED_AT_S, "to": left}]
     for table, keys in (*given.items(), *tables.items()):
