@@ -2,9 +2,9 @@
 
 The key of a kernel holds the sources of its module and of all of flightbed that the module imports (a kernel calls kernels of other
 files, and their code is part of its own), the versions of numba, llvmlite, numpy and Python, the processor, and the types of the
-arguments. A changed source therefore gives another file: no file is ever stale, and several source trees share the folder. numba's own
-cache checks only the file of the kernel itself, and keeps an index that two processes may overwrite; here each kernel is one file,
-renamed into place.
+arguments, and, of a function inside another one, the plain values that it takes from there. A changed source therefore gives another
+file: no file is ever stale, and several source trees share the folder. numba's own cache checks only the file of the kernel itself, and
+keeps an index that two processes may overwrite; here each kernel is one file, renamed into place.
 
 ``NUMBA_CACHE_DIR`` moves the folder, as it does for numba's own cache. A folder that cannot be written means compiling without it.
 """
@@ -78,14 +78,15 @@ class KernelCache(NullCache):
     def _path(self, sig: Any, codegen: Any) -> Path | None:
         """Return the file of the compiled kernel for a signature; None if it has none."""
         function, types = self._function, str(sig)
-        if function.__closure__ or " at 0x" in types:  # depends on objects of this process
-            return None
+        enclosed = [cell.cell_contents for cell in function.__closure__ or ()]
+        if " at 0x" in types or not all(isinstance(value, bool | int | float | str) for value in enclosed):
+            return None  # depends on objects of this process
         try:
             sources, place = closure_sha256(function.__module__), folder()
         except (OSError, SourcesChangedError):
             return None
         which = f"{function.__module__}.{function.__qualname__}:{function.__code__.co_firstlineno}"
-        parts = (which, types, sources, *_versions(), repr(codegen.magic_tuple()))
+        parts = (which, types, repr(enclosed), sources, *_versions(), repr(codegen.magic_tuple()))
         key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
         return place / f"{function.__module__.rpartition('.')[2]}.{function.__name__}-{key}{SUFFIX}"
 

@@ -87,6 +87,20 @@ def test_an_edited_kernel_of_another_file_is_enough(tree: Path) -> None:
     assert not list(tree.rglob("*.nbi"))
 
 
+def test_variants_of_a_kernel_are_kept_apart_by_the_values_that_they_enclose(tree: Path) -> None:
+    variants = (
+        "from flightbed.core.compiled import compiled\n\ndef times(factor):\n    def multiplied(x):\n        return factor * x\n"
+        "    return compiled(multiplied)\n"
+    )
+    (tree / "flightbed" / "core" / "variants.py").write_text(variants)
+    code = CALL.replace("upper import above", "variants import times").replace(
+        "above(3.0)", "times(2.0)(3.0), times(5.0)(3.0)"
+    )
+    name = "flightbed.core.variants.multiplied"
+    assert ended(start(tree, code)) == f"{name} {name} 6.0 15.0"
+    assert ended(start(tree, code)) == "6.0 15.0"
+
+
 def test_two_processes_at_once_and_a_damaged_file(tree: Path) -> None:
     at_once = {ended(process) for process in [start(tree), start(tree)]}
     assert "flightbed.core.upper.above 7.0" in at_once
