@@ -225,7 +225,7 @@ class SurfaceFailure(FailureSettings):
     """A failure of a control surface."""
 
     surface: Literal["elevator", "aileron", "rudder"] = "elevator"
-    """Surface that fails."""
+    """Surface that fails; aileron and rudder need lateral.enabled."""
 
     def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:
         """Return the problem of a surface that the flight computer does not command."""
@@ -290,7 +290,7 @@ class PoleSettings(LawSettings):
     """A law that is designed by pole placement."""
 
     poles: tuple[tuple[float, float], ...] | None = None
-    """Poles of the closed loop, [re, im]; without them those of docs/control.md."""
+    """Three poles of the closed loop, [re, im] in rad/s, in the left half plane, instead of those of docs/control.md."""
 
     @model_validator(mode="after")
     def _stable(self) -> Self:

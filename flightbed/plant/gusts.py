@@ -69,7 +69,7 @@ class OneMinusCosine(GustSettings):
 
     shape: Literal["1-cos"] = "1-cos"
     rise_s: Annotated[Positive, example(0.5)]
-    """Duration of the rise, and of the fall."""
+    """Duration of the rise by (1 - cos)/2 of MIL-F-8785C; the fall mirrors it."""
     hold_s: NonNegative = 0.0
     """Duration of the peak."""
 
@@ -88,7 +88,7 @@ class Sine(GustSettings):
 
     shape: Literal["sine"] = "sine"
     frequency_hz: Annotated[Positive, example(0.5)]
-    """Frequency of encounter."""
+    """Frequency of encounter, below half of rates.control_hz."""
 
     def build(self, before: Gusts) -> Gusts:
         """Return the vertical speed of the air over time, m/s."""

@@ -44,7 +44,7 @@ class AircraftSettings(Settings):
     model: str = "f16"
     """Name of an aircraft (`flightbed list aircraft`), or path of its folder."""
     sha256: str = ""
-    """Fingerprint of the aircraft, which excludes every other one; empty: any."""
+    """Fingerprint of the aircraft: another aircraft is an error, unless it lists this one as equal; empty: any."""
     cg_shift_cbar: Annotated[float, between(-0.5, 0.5)] = 0.0
     """Shift of the c.g., known on board; aft positive."""
 
@@ -88,23 +88,23 @@ class Lateral(Settings):
     """
 
     enabled: bool = False
-    """Whether aileron and rudder are commanded."""
+    """An LQ regulator commands aileron and rudder instead of the stock laws."""
     roll: Annotated[CommandSettings, ROLL_COMMANDS, only_with(enabled=True)] = Field(default_factory=ROLL_COMMANDS.make)
-    """Roll-rate command."""
+    """Roll-rate command, right wing down positive."""
     sideslip: Annotated[CommandSettings, SIDESLIP_COMMANDS, only_with(enabled=True)] = Field(
         default_factory=SIDESLIP_COMMANDS.make
     )
-    """Sideslip command."""
+    """Sideslip command, positive with the air from the right."""
     beta_deg: Annotated[Positive, only_with(enabled=True)] = 2.0
-    """Weight of sideslip."""
+    """Weight of sideslip by Bryson's rule: this deviation costs as much as the others."""
     p_deg_s: Annotated[Positive, only_with(enabled=True)] = 20.0
-    """Weight of roll rate."""
+    """Weight of roll rate by Bryson's rule: this deviation costs as much as the others."""
     r_deg_s: Annotated[Positive, only_with(enabled=True)] = 10.0
-    """Weight of yaw rate."""
+    """Weight of yaw rate by Bryson's rule: this deviation costs as much as the others."""
     aileron_deg: Annotated[Positive, only_with(enabled=True)] = 10.0
-    """Weight of the aileron."""
+    """Weight of the aileron by Bryson's rule: this deviation costs as much as the others."""
     rudder_deg: Annotated[Positive, only_with(enabled=True)] = 10.0
-    """Weight of the rudder."""
+    """Weight of the rudder by Bryson's rule: this deviation costs as much as the others."""
 
 
 class Sensors(Settings):
@@ -117,7 +117,7 @@ class Sensors(Settings):
     elevator_std_deg: NonNegative = 0.0
     """Noise of the elevator position."""
     mach_std: NonNegative = 0.0005
-    """Noise of the Mach number."""
+    """Noise of the Mach number, a reading of the scheduled model."""
     altitude_std_ft: NonNegative = 10.0
     """Noise of altitude."""
     theta_std_deg: NonNegative = 0.05
@@ -148,7 +148,7 @@ class Atmosphere(Settings):
     """The air."""
 
     turbulence: Literal["none", "light", "moderate", "severe"] = "none"
-    """Turbulence of MIL-F-8785C."""
+    """Turbulence of MIL-F-8785C; light, moderate and severe are JSBSim's severity 3, 4 and 6."""
 
 
 class ModelError(Settings):
@@ -158,11 +158,11 @@ class ModelError(Settings):
     """
 
     cm_alpha: Annotated[float, between(0, 10)] = 1.0
-    """Factor on the estimators' C_m_alpha, change from trim."""
+    """Factor on the change of C_m from trim with alpha, in the estimators' model; aircraft and law are unchanged."""
     cm_q: Annotated[float, between(0, 10)] = 1.0
-    """Factor on the estimators' C_m_q."""
+    """Factor on C_mq of the estimators' model."""
     cm_delta: Annotated[float, between(0, 10)] = 1.0
-    """Factor on the estimators' C_m_delta."""
+    """Factor on C_m_delta of the estimators' model."""
     cg_shift_cbar: Annotated[float, between(-0.5, 0.5)] = 0.0
     """Shift of the c.g. in flight, aft positive."""
     fuel_lbs: float = 0.0
@@ -188,11 +188,11 @@ class Adaptation(Settings):
     estimator: Annotated[str, only_with(enabled=True, oracle=False)] = ""
     """Name of the estimator."""
     floor: Annotated[float, between(0, 1, open_low=True), only_with(enabled=True)] = 0.08
-    """Smallest K of the correction."""
+    """Lower bound of K-hat in the correction."""
     feedback: Annotated[Literal["effective", "position"], only_with(enabled=True, method="divide")] = "effective"
     """Feedback of the elevator: effective: K-hat times the measured position; position: the measured position."""
     caution: Annotated[float, between(0, 10), only_with(enabled=True, method="divide", oracle=False)] = 0.0
-    """Standard deviations of K-hat that are added to it before the division."""
+    """c of the divisor K-hat + (c sigma)^2 / K-hat, which corrects less with an uncertain K-hat."""
     limit_command: Annotated[bool, only_with(enabled=True, method="divide")] = False
     """Whether the reference is limited to what the elevator can follow with K-hat."""
     oracle: Annotated[bool, only_with(enabled=True)] = False
@@ -205,13 +205,13 @@ class Scenario(Settings):
     schema_version: FormatVersion = Field(alias="schema")
     """Version of the file's format."""
     name: Identifier
-    """Name of the scenario."""
+    """Name of the scenario, and of the default folder of its runs: letters, digits, - and _."""
     description: str = ""
-    """One sentence about the flight."""
+    """One sentence about the flight; --set appends its overrides."""
     duration_s: Annotated[float, between(0, 36000, open_low=True)]
     """Duration, a whole number of control ticks."""
     seed: Annotated[int, between(0, 2**63 - 1)] = 0
-    """Seed of all random numbers."""
+    """Seed of all random numbers of the flight."""
     aircraft: AircraftSettings = AircraftSettings()
     """The aircraft."""
     condition: Condition = Condition()

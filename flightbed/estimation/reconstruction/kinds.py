@@ -39,7 +39,7 @@ class _Reconstruction(EstimatorSettings):
     """Raise the process noise of regression and test to the level that the readings show. Default with model "short-period": false."""
     false_alarm: Annotated[float, between(0, 0.5, open_low=True), only_with(unknown="elevator")] = 1e-6
     """Probability that noise alone gives the same verdict in two consecutive windows, for each of three evaluations per window of each of
-    two tests."""
+    two tests, with a deflection independent of the noise."""
     offset_deg: Annotated[Positive, only_with(unknown="elevator")] = 0.3
     """Tolerance of the verdicts: of the acting deflection minus K times the measured one, and of the measured minus the commanded one."""
     alpha_disturbance_deg_s: NonNegative = 0.05
