@@ -5,14 +5,14 @@ from __future__ import annotations
 import zipfile
 from pathlib import Path
 
-from flightbed.core.sources import digest, source_sha256
+from flightbed.core.sources import digest, is_source, source_sha256
 from tests.wheels import ROOT, build_wheel
 
 
 def test_the_wheel_holds_the_package_and_its_data_and_nothing_else(tmp_path: Path) -> None:
     with zipfile.ZipFile(build_wheel(tmp_path)) as wheel:
-        sources = {name for name in wheel.namelist() if name.startswith("flightbed/") and name.endswith(".py")}
-        installed = {name.removeprefix("flightbed/"): wheel.read(name) for name in sources}
+        files = [name.removeprefix("flightbed/") for name in wheel.namelist() if name.startswith("flightbed/")]
+        installed = {name: wheel.read(f"flightbed/{name}") for name in files if is_source(name)}
         assert (
             digest(installed) == source_sha256()
         )  # the identity of a flight is the same from the tree and from the wheel

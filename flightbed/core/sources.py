@@ -43,9 +43,14 @@ def digest(files: Mapping[str, bytes]) -> str:
 
 @cache
 def source_sha256() -> str:
-    """Return the digest of all Python sources of flightbed, equal in a source tree and in an installed wheel; read once per process."""
-    files = {path.relative_to(PACKAGE).as_posix(): path for path in PACKAGE.rglob("*.py")}
-    return digest({name: _read(path) for name, path in files.items()})
+    """Return the digest of flightbed's sources, ``is_source``, equal in a source tree and in an installed wheel; read once per process."""
+    files = {path.relative_to(PACKAGE).as_posix(): path for path in PACKAGE.rglob("*.*")}
+    return digest({name: _read(path) for name, path in files.items() if is_source(name)})
+
+
+def is_source(name: str) -> bool:
+    """Return whether a file of the package is code or a table that code reads; shipped aircraft and scenarios are data of a flight."""
+    return name.endswith((".py", ".toml")) and name.partition("/")[0] not in ("aircraft_data", "scenario_data")
 
 
 @cache
