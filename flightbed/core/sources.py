@@ -81,8 +81,14 @@ class SourcesChangedError(Exception):
 def _of_flightbed(path: Path) -> tuple[Path, ...]:
     if path == PACKAGE / "__init__.py":
         return ()
-    names = (imported.name for imported in quick_imports(_read(path).decode()))
-    return tuple(file for name in names if name.startswith("flightbed.") for file in _files(PACKAGE.parent, name))
+    names = (imported.name.split(".") for imported in quick_imports(_read(path).decode()))
+    ours = {".".join(parts[:n]) for parts in names if parts[0] == "flightbed" for n in range(1, len(parts) + 1)}
+    return tuple(file for name in sorted(ours) if (file := _module_of_flightbed(name)) is not None)
+
+
+@cache
+def _module_of_flightbed(name: str) -> Path | None:
+    return _file(PACKAGE.parent, name)
 
 
 def imports_sha256(start: Path, source: bytes, roots: Iterable[Path], *, only: str | None = None) -> Mapping[str, str]:
