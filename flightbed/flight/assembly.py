@@ -10,7 +10,7 @@ import numpy as np
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.avionics.onboard import OnBoard
 from flightbed.command.base import Command, Profile, profile
-from flightbed.config.kinds import ESTIMATORS, CommandSettings
+from flightbed.config.kinds import ESTIMATORS, FAILURES, CommandSettings
 from flightbed.config.tracebacks import error_context
 from flightbed.control.base import Law
 from flightbed.control.correction import Adaptation
@@ -270,5 +270,5 @@ def health_history(scenario: Scenario) -> HealthHistory:
     """Return the health over time from all failures of a scenario, in order of time; of two at once, the later in the file acts."""
     health: HealthHistory = healthy
     for failure in sorted(scenario.failures, key=lambda f: f.at_s):
-        health = failure.build(health, scenario.rates.control_hz)
+        health = FAILURES.build(failure, health, scenario.rates.control_hz)
     return health

@@ -10,6 +10,7 @@ from flightbed.aircraft.overlay import Aircraft, load_path
 from flightbed.avionics.lateral import LateralDirectional
 from flightbed.avionics.schedule import Schedule
 from flightbed.avionics.short_period import ShortPeriod
+from flightbed.config.kinds import LAWS
 from flightbed.control.base import Gains, Law
 from flightbed.control.load_factor.design import LoadFactorDesign, LoadFactorLaw
 from flightbed.control.stability_margins import Margins, pitch_margins
@@ -153,7 +154,7 @@ def _tabulating_sources() -> str | None:
 
 def law_of(scenario: Scenario, design: ShortPeriod) -> Law:
     """Return a new law as specified by the scenario. Raises DesignError."""
-    law: Law = scenario.control.build(design, scenario.rates.control_hz)
+    law: Law = LAWS.build(scenario.control, design, scenario.rates.control_hz)
     return law
 
 

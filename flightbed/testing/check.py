@@ -170,7 +170,7 @@ def _check(factory: Factory, planned: Plan, found: _Findings) -> Checked | None:
             return None
     except Exception as error:
         cure = "accept build(onboard)" if _is_settings(factory) else "accept the arguments (settings, onboard)"
-        found.add("building", f"{_place(error)}{error_line(error)}", cure)
+        found.add("building", f"{place_of(error)}{error_line(error)}", cure)
         return None
     before, flights = _fingerprint(onboard), readings_of_flights(onboard)
     with found.in_flight("K drops to 0.5"):  # first: the other checks take too long with a slow estimator
@@ -248,7 +248,7 @@ class _Findings:
         )
         self.add(
             "update",
-            f"raises {error_line(cause)} at {_place(cause)}in flight '{self._flight}'",
+            f"raises {error_line(cause)} at {place_of(cause)}in flight '{self._flight}'",
             "handle these readings",
         )
         return True
@@ -386,7 +386,7 @@ def _times(new: Callable[[], Estimator], readings: Sequence[Measurement]) -> np.
     return np.array(times)
 
 
-def _place(error: BaseException) -> str:
+def place_of(error: BaseException) -> str:
     """Return "file:line " of the innermost frame outside flightbed; nothing if there is none."""
     here = str(Path(__file__).resolve().parents[1])
     frames = [(f.f_code.co_filename, line) for f, line in traceback.walk_tb(error.__traceback__)]
