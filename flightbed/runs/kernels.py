@@ -3,23 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import as_completed
 
 from flightbed.core import data
+from flightbed.parallel.processes import local_processes
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
+from flightbed.scenario.tables import Scenario
 
 
-def compile_shipped(progress: Callable[[int, int], None]) -> int:
+def compile_shipped(progress: Callable[[int, int], None], workers: int | None = None) -> int:
     """Fly every shipped scenario, without a folder: the kernels that the cache lacks are compiled, for later processes too.
 
     Args:
         progress: called with the numbers of flown and of all scenarios, after each.
+        workers: number of local processes; None: one per core.
 
     Returns: number of scenarios.
 
     """
-    names = list(data.names("scenario"))
-    for done, name in enumerate(names, start=1):
-        run(load_scenario(name), rerun=False, report=False)
-        progress(done, len(names))
+    names = _in_order({name: load_scenario(name) for name in data.names("scenario")})
+    with local_processes(workers) as executor:
+        flights = [executor.submit(_fly, name) for name in names]
+        for done, flight in enumerate(as_completed(flights), start=1):
+            flight.result()
+            progress(done, len(names))
     return len(names)
+
+
+def _in_order(scenarios: dict[str, Scenario]) -> list[str]:
+    """Return the names, one scenario of each set of parts first: what they compile differs, so that processes share the work."""
+    first: dict[tuple[object, ...], str] = {}
+    for name, scenario in scenarios.items():
+        parts = (
+            scenario.control.law,
+            scenario.lateral.enabled,
+            scenario.adaptation.method,
+            *sorted({estimator.kind for estimator in scenario.estimators}),
+        )
+        first.setdefault(parts, name)
+    return [*first.values(), *(name for name in scenarios if name not in first.values())]
+
+
+def _fly(name: str) -> None:
+    run(load_scenario(name), rerun=False, report=False)
