@@ -133,6 +133,7 @@ def test_on_a_dask_cluster_whose_nannies_begin_dead_workers_anew(
 ) -> None:
     pytest.importorskip("distributed")
     programme = deadly("signal")
+    (tmp_path / "deadly.py").write_text(CODE)  # where the workers start
     with dask_cluster.scheduler(tmp_path) as address, dask_cluster.workers(address, tmp_path):
         _, folder = campaigns.run(programme, tmp_path / "x", scheduler=address)
     _assert_as_expected(folder)
