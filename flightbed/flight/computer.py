@@ -137,18 +137,29 @@ _LAWS = (Proportional, ProportionalIntegral, RedesignedPitch)
 class _Variant(NamedTuple):
     """The large parts of a flight that the compiled function contains."""
 
-    lateral: bool
-    load_factor: int
-    redesigns: bool
-    two_stage_pitch: bool
-    two_stage_surfaces: bool
-    elevator_reconstruction: bool
-    gust_reconstruction: bool
+    lateral: bool = False
+    load_factor: int = _NO_LOAD_FACTOR
+    redesigns: bool = False
+    two_stage_pitch: bool = False
+    two_stage_surfaces: bool = False
+    elevator_reconstruction: bool = False
+    gust_reconstruction: bool = False
 
-    @property
-    def large(self) -> int:
-        """Number of large estimators and load-factor laws."""
-        return sum(self[3:]) + (self.load_factor != _NO_LOAD_FACTOR)
+
+# The combinations that are compiled: those of the shipped scenarios, and a two-stage filter of the elevator.
+FUNCTIONS = frozenset(
+    (
+        _Variant(),
+        _Variant(two_stage_pitch=True),
+        _Variant(elevator_reconstruction=True),
+        _Variant(gust_reconstruction=True),
+        _Variant(lateral=True, two_stage_surfaces=True),
+        _Variant(lateral=True, two_stage_surfaces=True, redesigns=True),
+        _Variant(load_factor=_NZ_SCHEDULED),
+        _Variant(load_factor=_NZ_ADAPTIVE),
+        _Variant(load_factor=_NZ_ADAPTIVE, lateral=True),
+    )
+)
 
 
 @compiled
@@ -548,8 +559,8 @@ def rows_of(flight: Flight) -> Array | None:
 def is_built_in(flight: Flight) -> bool:
     """Return whether all parts of a tick have exactly these types; a derived type may behave differently.
 
-    A flight with two large estimators, or with a load-factor law and a large estimator, flies composed: each combination is a function
-    of its own, whose compilation takes up to half a minute.
+    A flight with another combination of large parts than those of ``FUNCTIONS`` flies composed: each combination is a function of its own,
+    whose compilation takes up to half a minute.
     """
     lateral, redesign, in_g = flight.lateral, flight.redesign, flight.load_factor
     return (
@@ -568,7 +579,7 @@ def is_built_in(flight: Flight) -> bool:
                 and isinstance(flight.plant, JsbsimPlant)
             )
         )
-        and _variant(flight).large <= 1
+        and _variant(flight) in FUNCTIONS
     )
 
 
