@@ -4,10 +4,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+COMPILED := $(VENV)/.compiled
 
 .PHONY: run test test-long setup clean
 
-run: setup
+run: $(COMPILED)
 	$(BIN)/flightbed run nominal --out runs/nominal
 	$(BIN)/flightbed run elevator-loss --out runs/elevator-loss
 	$(BIN)/flightbed run elevator-loss-fixed --out runs/elevator-loss-fixed
@@ -19,14 +20,19 @@ run: setup
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m tests.compile_kernels & compiling=$$!; $(BIN)/mypy || { kill $$compiling; exit 1; }; wait $$compiling
+	$(BIN)/flightbed compile & compiling=$$!; $(BIN)/mypy || { kill $$compiling; exit 1; }; wait $$compiling
 	$(BIN)/pytest -n auto --dist loadfile -m "not long"
 
 test-long: setup
-	$(BIN)/python -m tests.compile_kernels
+	$(BIN)/flightbed compile
 	$(BIN)/pytest -n auto --dist worksteal -m long
 
 setup: $(READY)
+
+# Only for the time: a flight compiles by itself what is missing.
+$(COMPILED): $(READY) $(shell find flightbed scenarios -name '*.py' -o -name '*.toml')
+	$(BIN)/flightbed compile
+	@touch $@
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "flightbed needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }

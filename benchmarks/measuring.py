@@ -42,6 +42,7 @@ class Effort:
         rounds: of each measurement.
         overrides: of all scenarios.
         chunks, chunk: number of chunks per worker, and flights per chunk.
+        parallel: aircraft that more than one worker flies.
         flights: of one process whose memory growth is measured.
         held: flights held in memory at once.
         environment: variables added to those of a fresh shell.
@@ -53,6 +54,7 @@ class Effort:
     overrides: tuple[str, ...] = ()
     chunks: int = 4
     chunk: int = 25
+    parallel: tuple[str, ...] = ("linear aircraft", "F-16")
     flights: int = 1000
     held: int = 20
     environment: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))

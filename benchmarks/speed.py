@@ -44,6 +44,7 @@ def quick(rounds: int) -> Effort:
         overrides=("duration_s=1", "failures.0.at_s=0.5"),
         chunks=1,
         chunk=1,
+        parallel=("linear aircraft",),
         flights=10,
         held=2,
         environment=MappingProxyType({"FLIGHTBED_PLAIN": "1"}),

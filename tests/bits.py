@@ -4,7 +4,7 @@
 
 OLD and NEW are source trees: each holds the folders flightbed, aircraft and scenarios. Every scenario of OLD (the files
 directly in OLD/scenarios), or only those named, is flown by both trees from OLD's file. Where NEW's file of that name has another text,
-NEW flies its own file too. Each tree flies in its own process, both at the same time, with empty caches. A column is equal
+NEW flies its own file too; an OLD file that NEW refuses as invalid is reported, and no difference if NEW's own flight is equal. Each tree flies in its own process, both at the same time, with empty caches. A column is equal
 if all its bytes are, so that nan equals nan.
 
 Exit code 0: every column of OLD is equal in NEW, columns that only NEW has are listed; 1: a flight or a column differs or is missing;
@@ -20,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -45,6 +45,7 @@ class Comparison:
         differing: column -> by how much and from which tick on.
         only_old, only_new: columns that the other tree does not have.
         errors: tree -> its error, where it could not fly the scenario.
+        refused: why NEW refuses the file of OLD, where its own file flies equal.
 
     """
 
@@ -54,6 +55,7 @@ class Comparison:
     only_old: Sequence[str]
     only_new: Sequence[str]
     errors: Mapping[str, str]
+    refused: str = ""
 
     @property
     def same(self) -> bool:
@@ -62,6 +64,8 @@ class Comparison:
 
     def lines(self) -> list[str]:
         """Return the text of the comparison, one line if nothing differs."""
+        if self.refused:
+            return [f"{self.name}: NEW refuses the file of OLD ({self.refused}) and flies its own"]
         found = [f"  {tree}: {error}" for tree, error in self.errors.items()]
         found += [f"  {column}: {how}" for column, how in self.differing.items()]
         found += [f"  only in OLD: {', '.join(self.only_old)}"] if self.only_old else []
@@ -199,18 +203,27 @@ def compare_trees(
             )
     by_name = dict(zip(files, flown_old, strict=True))
     shared = [compare(name, by_name[name], flown) for name, flown in zip(files, flown_new, strict=False)]
-    own = zip(edited, flown_new[len(files) :], strict=True)
-    return [
-        *shared,
-        *(compare(f"{name} (NEW's own file, its text differs)", by_name[name], flown) for name, flown in own),
-    ]
+    own = {
+        name: compare(f"{name} (NEW's own file, its text differs)", by_name[name], flown)
+        for name, flown in zip(edited, flown_new[len(files) :], strict=True)
+    }
+    return [*(_or_refused(one, own.get(one.name)) for one in shared), *own.values()]
+
+
+def _or_refused(one: Comparison, own: Comparison | None) -> Comparison:
+    """Return a comparison; if NEW refuses the file of OLD as invalid and its own file flies equal, one without a difference."""
+    error = one.errors.get("NEW", "")
+    if own is None or not own.same or set(one.errors) != {"NEW"} or not error.startswith("ScenarioError: "):
+        return one
+    return replace(one, errors={}, refused=error.removeprefix("ScenarioError: ").replace("\n", "; "))
 
 
 def closing_line(found: Sequence[Comparison]) -> str:
     """Return the result of all comparisons in one line."""
     columns = sum(c.equal + len(c.differing) + len(c.only_old) for c in found)
     bad = [c for c in found if not c.same]
-    text = f"{len(found)} scenarios, {columns} columns: "
+    refused = sum(bool(c.refused) for c in found)
+    text = f"{len(found) - refused} scenarios, {columns} columns: "
     if bad:
         differing, missing = sum(len(c.differing) for c in bad), sum(len(c.only_old) for c in bad)
         unflown = sum(bool(c.errors) for c in bad)
@@ -218,6 +231,7 @@ def closing_line(found: Sequence[Comparison]) -> str:
     else:
         text += "equal to the last bit"
     added = sum(len(c.only_new) for c in found)
+    text += f"; {refused} files of OLD refused by NEW, which flies its own" if refused else ""
     return text + (f"; {added} columns only in NEW" if added else "")
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import fcntl
 import pickle
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from flightbed.campaigns import run as campaigns
 from flightbed.runs.run import Result, run
 from flightbed.scenario.reading import load_scenario
 
@@ -28,6 +30,14 @@ def representative(values: Iterable[Any], fast: Container[Any] = REPRESENTATIVE)
     """Return values as parameters of a test, those not in ``fast`` for the long suite only."""
     several = [(value, value if isinstance(value, tuple) else (value,)) for value in values]
     return [pytest.param(*parts, marks=[] if value in fast else pytest.mark.long) for value, parts in several]
+
+
+@contextmanager
+def campaigns_in_this_process() -> Iterator[None]:
+    """Fly campaigns in this process, whatever the number of workers; a worker process takes two seconds to start."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(campaigns, "opener", lambda *_: lambda: nullcontext(None))
+        yield
 
 
 def fly_shipped(name: str) -> Result:

@@ -97,6 +97,24 @@ def test_both_trees_fly_the_file_of_old_and_new_its_own_where_the_text_differs(t
     assert lines[4] == "  gaps: up to 1; 1 of 5 ticks, from tick 4 on"
 
 
+def test_a_file_that_new_refuses_is_no_difference_if_its_own_flies_equal(tmp_path: Path) -> None:
+    refuse = """class ScenarioError(Exception): pass
+    if "idle" in scenario: raise ScenarioError("idle: has no effect")"""
+    old, new = _tree(tmp_path / "old", one="x idle"), _tree(tmp_path / "new", refuse, one="x")
+    assert _bits(old, new)[:2] == (
+        0,
+        [
+            "one: NEW refuses the file of OLD (idle: has no effect) and flies its own",
+            "one (NEW's own file, its text differs): equal (2 columns equal)",
+            "1 scenarios, 2 columns: equal to the last bit; 1 files of OLD refused by NEW, which flies its own",
+        ],
+    )
+    other = _tree(tmp_path / "other", refuse, one="xx")
+    assert _bits(old, other)[0] == 1
+    failing = _tree(tmp_path / "failing", 'if "idle" in scenario: raise ValueError("bad")', one="x")
+    assert _bits(old, failing)[0] == 1
+
+
 def test_a_flight_that_fails_in_one_tree_is_a_difference(tmp_path: Path) -> None:
     broken = _tree(tmp_path / "broken", 'raise ValueError("no gain")')
     code, lines, _ = _bits(_tree(tmp_path / "old"), broken, "one")

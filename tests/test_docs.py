@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,41 +12,26 @@ import pytest
 
 from flightbed.campaigns.file import load_programme
 from flightbed.campaigns.settings import CampaignSettings
-from flightbed.config.own_code import using
+from flightbed.config.catalogue import catalogue
 from flightbed.config.table import known_keys
 from flightbed.core import data
 from flightbed.flight.pacing import WallClock
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
+from flightbed.scenario.tables import Scenario
 from tests.test_architecture import LEVEL
+from tools.tables import keys
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def _keys(value: Any, prefix: str = "") -> set[str]:
-    if isinstance(value, dict):
-        return set().union(*(_keys(v, f"{prefix}.{k}" if prefix else k) for k, v in value.items()))
-    if isinstance(value, list) and value and isinstance(value[0], dict):
-        return _keys(value[0], prefix)
-    return {prefix}
-
-
-def test_every_scenario_key_is_in_the_table_and_no_other() -> None:
-    gust = ["gusts.0.at_s=1", "gusts.0.up_fps=10", "gusts.0.rise_s=1"]
-    scenario = load_scenario("elevator-loss", ["control.poles=[[-1,0],[-2,0],[-3,0]]", *gust])
-    given = load_scenario("thesis-loss", gust)  # poles and gains exclude each other
-    places = ("estimators.0", "failures.0", "control", "command")
-    places += ("lateral.roll", "lateral.sideslip")
-    own = [f"{place}.{'law' if place == 'control' else 'kind'}=mine" for place in places]
-    with using({"mine": dict}):
-        options_set = [*own, "lateral.enabled=true", *(f"{place}.options.gain=1" for place in places)]
-        optional = load_scenario("elevator-loss", options_set)
-    options = {key.removesuffix(".gain") for key in _keys(tomllib.loads(optional.to_toml())) if ".options." in key}
-    assert len(options) == len(places)
-    table = (ROOT / "docs" / "scenario.md").read_text().partition("## metrics.json")[0]
-    rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
-    explained = {key for row in rows for key in re.findall(r"`([^`]+)`", row)}
-    assert explained == _keys(tomllib.loads(scenario.to_toml())) | _keys(tomllib.loads(given.to_toml())) | options
+def test_the_tables_of_keys_are_those_of_the_settings_classes() -> None:
+    page = keys.PAGE.read_text(encoding="utf-8")
+    assert keys.filled(page) == page, "write them again: python -m tools.tables.keys"
+    tables = page.partition("## Keys")[2].partition("## metrics.json")[0]
+    explained = set(re.findall(r"^\| `([^`]+)`", tables, flags=re.MULTILINE))
+    shared = re.compile(r"lateral\.(roll|sideslip)\.(?!kind|amplitude)")  # with the command's descriptions
+    assert explained == {key.path for key in catalogue(Scenario) if not shared.match(key.path)}
 
 
 def test_the_campaign_file_of_the_document_loads_and_every_key_is_in_the_table(tmp_path: Path) -> None:

@@ -102,7 +102,7 @@ def outputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 def test_every_command_of_the_page_flies(outputs: dict[str, str]) -> None:
     flown = {line: text for line, text in outputs.items() if line.startswith("flightbed run")}
-    assert len(flown) == 8
+    assert len(flown) == 9
     for line, text in flown.items():
         for name in re.findall(r"--use (\S+)", line):
             assert re.search(rf"own code\s+{re.escape(name)} \(sha256 [0-9a-f]{{12}}\)", text), line
@@ -128,6 +128,9 @@ def test_the_examples_of_the_page_have_the_described_results(outputs: dict[str, 
         assert stored["estimators"]["built-in"]["median_abs_error_post"] < 0.05
         options.append(tomllib.loads((runs / name / "scenario.toml").read_text())["estimators"][0]["options"])
     assert options == [{"forgetting": 0.95}, {"forgetting": 0.99}]
+    assert json.loads((runs / "constant" / "metrics.json").read_text())["estimators"]["constant"]["final"] == 0.9
+    constant = tomllib.loads((runs / "constant" / "scenario.toml").read_text())["estimators"][0]
+    assert constant.keys() == {"name", "kind", "model", "smoothing", "bounds", "value"}
     plug = pd.read_parquet(runs / "loose-plug" / "trace.parquet")
     lost = plug["effectiveness_true"] == 0.4
     assert [bool(lost[plug["t_s"] == t].iloc[0]) for t in (2.99, 3.0, 3.99, 4.0, 5.0, 6.0)] == [

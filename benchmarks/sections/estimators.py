@@ -16,8 +16,7 @@ from filterpy.kalman import KalmanFilter
 from measuring import Column, Effort, Table
 
 from flightbed.avionics.onboard import OnBoard
-from flightbed.config import families
-from flightbed.config.kinds import EstimatorSettings
+from flightbed.config import kinds
 from flightbed.core.signals import Measurement
 from flightbed.core.timing import interleaved, ratios, seconds
 from flightbed.estimation.base import Estimator
@@ -91,8 +90,7 @@ def _onboard(planned: Plan) -> OnBoard:
 
 
 def _made(given: Mapping[str, Any], onboard: OnBoard) -> Estimator:
-    settings = EstimatorSettings.model_validate({"name": "x", **given})
-    made: Estimator = families.factory("estimators", settings.kind)(settings, onboard)
+    made: Estimator = kinds.ESTIMATORS.make(name="x", **given).build(onboard)
     return made
 
 

@@ -29,7 +29,7 @@ def measure(effort: Effort) -> list[Table]:
     """Return the table of the ensembles."""
     scenarios = {name: load_scenario(scenario, effort.overrides) for name, scenario in CASES.items()}
     counts = workers(machine()["cores"])
-    cases = [(name, count) for name in scenarios for count in counts]
+    cases = [(name, count) for name in scenarios for count in counts if count == 1 or name in effort.parallel]
     for scenario in scenarios.values():  # compiled code and the schedule are cached from now on
         fly_chunk(Job(scenario, 1))
     ways = {_label(*case): partial(_fly, scenarios[case[0]], case[1], effort) for case in cases}

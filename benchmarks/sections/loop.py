@@ -83,8 +83,11 @@ def _measure(plant_hz: int, effort: Effort) -> Table:
 
 def _with(raw: Mapping[str, Any], estimators: Sequence[Mapping[str, Any]]) -> Scenario:
     """Return the scenario with these estimators, the first of which corrects the law; without any the law gets the true K."""
-    how = {"estimator": estimators[0]["name"]} if estimators else {"oracle": True}
-    return load_scenario({**raw, "estimators": list(estimators), "adaptation": {**raw["adaptation"], **how}})
+    if estimators:
+        adaptation = {**raw["adaptation"], "estimator": estimators[0]["name"]}
+    else:
+        adaptation = {"enabled": True, "oracle": True, "floor": raw["adaptation"]["floor"]}
+    return load_scenario({**raw, "estimators": list(estimators), "adaptation": adaptation})
 
 
 def _bare(planned: Plan) -> float:

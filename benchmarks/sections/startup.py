@@ -60,7 +60,7 @@ def measure(effort: Effort) -> list[Table]:
         def first() -> float:
             shell.clear()
             taken = shell.python(*whole)
-            wanted = {".npz"} if "FLIGHTBED_PLAIN" in effort.environment else {".npz", ".nbi"}
+            wanted = {".npz"} if "FLIGHTBED_PLAIN" in effort.environment else {".npz", ".kernel"}
             if not wanted <= shell.cached():
                 raise RuntimeError(
                     "the first run left no cache in its cache folder: the measurement was not of a first run"

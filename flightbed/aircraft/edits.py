@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from string import Template
 from typing import Any
+
+from flightbed.core.errors import did_you_mean
+
+_TAGS = re.compile(r"[A-Za-z_][\w.-]*(/[A-Za-z_][\w.-]*)*")
 
 
 class EditError(Exception):
@@ -101,6 +106,36 @@ def _remove_systems(root: ET.Element, edit: Mapping[str, Any], _snippets: Mappin
         raise EditError(f"no system {', '.join(sorted(wanted))}")
 
 
+def _remove(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
+    """Remove the elements at a path of tags, ``"flight_control/channel"``: one of each of ``names``, or all, which must be ``count``."""
+    path, names, count = edit["elements"], edit.get("names"), edit.get("count")
+    if not isinstance(path, str) or not _TAGS.fullmatch(path):
+        raise EditError(f'elements: must be tags from the root, "flight_control/channel" (got {path!r})')
+    if (names is None) == (count is None):
+        raise EditError(f"{path}: needs either names or count (got {'neither' if names is None else 'both'})")
+    *above, tag = path.split("/")
+    parents = [root]
+    for step in above:
+        parents = [child for parent in parents for child in parent if child.tag == step]
+    found = [(parent, child) for parent in parents for child in parent if child.tag == tag]
+    if names is None:
+        if not isinstance(count, int) or isinstance(count, bool) or count < 1:
+            raise EditError(f"{path}: count: must be a whole number of at least 1 (got {count!r})")
+        if len(found) != count:
+            raise EditError(f"expected {count} times {path}, found {len(found)}; correct elements or count")
+    else:
+        if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+            raise EditError(f"{path}: names: must be a list of texts (got {names!r})")
+        there = [child.get("name", "") for _, child in found]
+        for name in names:
+            if (times := there.count(name)) != 1:
+                cure = (did_you_mean(name, there) if times == 0 else "") or "; correct elements or names"
+                raise EditError(f"expected one {path} named {name}, found {times}{cure}")
+        found = [(parent, child) for parent, child in found if child.get("name") in names]
+    for parent, child in found:
+        parent.remove(child)
+
+
 EDITS = {
     "declare": _declare,
     "replace-channel": _replace_channel,
@@ -109,4 +144,5 @@ EDITS = {
     "rewire": _rewire,
     "remove-functions": _remove_functions,
     "remove-systems": _remove_systems,
+    "remove": _remove,
 }

@@ -7,6 +7,7 @@ hash and applies the edits of ``aircraft.toml`` in memory; see ``aircraft/f16/RE
 from __future__ import annotations
 
 import hashlib
+import re
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -17,6 +18,16 @@ from string import Template
 from typing import Any
 
 from flightbed.aircraft.edits import EDITS, EditError, substitute
+from flightbed.aircraft.schema import (
+    LATERAL,
+    LATERAL_PROPERTIES,
+    OVERLAY,
+    SURFACES,
+    edit_keys,
+    edits,
+    keys_of,
+    tables_of,
+)
 from flightbed.core import data
 from flightbed.core.actuator import Actuator
 from flightbed.core.errors import AircraftError, did_you_mean, printable
@@ -46,6 +57,7 @@ class Aircraft:
         properties: flightbed name -> JSBSim property.
         edits: edits, in order of application.
         snippets: file name -> XML text with ``$names`` substituted.
+        equal_to: fingerprints (``sha256``) of earlier overlays that fly the same traces; not part of its own fingerprint.
 
     """
 
@@ -59,6 +71,7 @@ class Aircraft:
     properties: Mapping[str, str]
     edits: tuple[Mapping[str, Any], ...]
     snippets: Mapping[str, str]
+    equal_to: tuple[str, ...] = ()
 
     def patch(self, stock: bytes) -> bytes:
         """Return the stock model with all edits applied.
@@ -132,7 +145,7 @@ def load_aircraft(name: str) -> Aircraft:
                 "it cannot be trimmed or linearized"
             )
         _check(raw, path)
-        numbers = {name: _in_rad(raw[name]) for name in ("elevator", *_LATERAL) if name in raw}
+        numbers = {name: _in_rad(raw[name]) for name in SURFACES if name in raw}
         fill = {key: repr(value) for key, value in numbers["elevator"].items()}
         fill |= {f"{name}_{key}": repr(v) for name, found in numbers.items() for key, v in found.items()}
         actuators = {name: Actuator(*(found[k] for k in _ACTUATOR)) for name, found in numbers.items()}
@@ -150,10 +163,11 @@ def load_aircraft(name: str) -> Aircraft:
             stock_sha256=raw["stock"]["sha256"],
             actuator=actuators["elevator"],
             limits=Limits((alpha[0] * DEG, alpha[1] * DEG), (throttle[0], throttle[1])),
-            lateral={name: actuators[name] for name in _LATERAL if name in actuators},
+            lateral={name: actuators[name] for name in LATERAL if name in actuators},
             properties=raw["properties"],
             edits=edits,
             snippets=snippets,
+            equal_to=tuple(raw.get("equal_to", ())),
         )
     except KeyError as error:
         raise AircraftError(f"{path}: {error} is missing") from None
@@ -165,6 +179,7 @@ def load_aircraft(name: str) -> Aircraft:
         raise AircraftError(f"{path}: {printable(str(error))}") from None
 
 
+_SHA256 = re.compile(r"[0-9a-f]{64}")
 _ACTUATOR = ("lag_rad_s", "rate_limit_rad_s", "min_rad", "max_rad")
 
 
@@ -174,49 +189,42 @@ def _in_rad(table: Mapping[str, Any]) -> dict[str, float]:
     return numbers | {key.replace("_deg", "_rad"): value * DEG for key, value in numbers.items() if "_deg" in key}
 
 
-_KEYS = {
-    "": {"schema", "name", "description", "stock", "elevator", "limits", "properties", "edits"},
-    "stock": {"file", "sha256"},
-    "elevator": {"lag_rad_s", "rate_limit_deg_s", "min_deg", "max_deg"},
-    "limits": {"alpha_deg", "throttle_norm"},
-    "properties": {"elevator_cmd_rad", "elevator_rad", "effectiveness", "elevator_force", "throttle_norm"},
-}
-# Optional: without these tables the stock control laws command aileron and rudder.
-_LATERAL = ("aileron", "rudder")
-_LATERAL_PROPERTIES = {
-    "lateral_direct",
-    *(f"{surface}_{what}" for surface in _LATERAL for what in ("cmd_rad", "rad", "effectiveness")),
-}
-# Optional: properties that actuator failures act on.
-_FAULT_PROPERTIES = {
-    f"{surface}_{what}" for surface in ("elevator", *_LATERAL) for what in ("offset_rad", "rate_limit_rad_s", "stuck")
-}
+_TABLES = tables_of(OVERLAY)
 
 
 def _check(raw: Mapping[str, Any], path: Path) -> None:
     """Reject unknown and missing keys and numbers out of range. Raises AircraftError."""
-    for table, known in _KEYS.items():
-        found = raw if not table else raw.get(table, {})
+    for table, schema in _TABLES.items():
+        if table in LATERAL and table not in raw:
+            continue
+        found, known = raw.get(table, {}) if table else raw, keys_of(schema)
         dot = f"{table}." if table else ""
-        more = (
-            set(_LATERAL) if not table else _LATERAL_PROPERTIES | _FAULT_PROPERTIES if table == "properties" else set()
-        )
-        for key in sorted(set(found) - known - more):
+        for key in sorted(set(found) - set(known)):
             raise AircraftError(f"{path}: unknown key {dot}{key}{did_you_mean(key, known)}")
-        for key in sorted(known - set(found)):
+        for key in sorted(set(schema["required"]) - set(found)):
             raise AircraftError(f"{path}: {dot}{key} is missing")
+    if raw["schema"] != 1 or isinstance(raw["schema"], bool):
+        raise AircraftError(f"{path}: schema: must be 1 (got {raw['schema']!r})")
     if not isinstance(raw["edits"], list) or not all(isinstance(edit, Mapping) for edit in raw["edits"]):
         raise AircraftError(f"{path}: edits: must be tables, [[edits]]")
-    limits, surfaces = raw["limits"], [name for name in ("elevator", *_LATERAL) if name in raw]
-    given = [n in raw for n in _LATERAL] + [n in raw["properties"] for n in sorted(_LATERAL_PROPERTIES)]
+    earlier = raw.get("equal_to", [])
+    if not isinstance(earlier, list):
+        raise AircraftError(f"{path}: equal_to: must be a list of fingerprints (got {earlier!r})")
+    for i, entry in enumerate(earlier):
+        if not isinstance(entry, str) or not _SHA256.fullmatch(entry):
+            raise AircraftError(
+                f"{path}: equal_to.{i}: must be a fingerprint, 64 digits of 0-9 and a-f (got {entry!r}); "
+                "copy aircraft.sha256 from a resolved scenario.toml"
+            )
+    for i, edit in enumerate(raw["edits"]):
+        _check_edit(edit, f"{path}: edits.{i}")
+    limits, surfaces = raw["limits"], [name for name in SURFACES if name in raw]
+    given = [n in raw for n in LATERAL] + [n in raw["properties"] for n in sorted(LATERAL_PROPERTIES)]
     if any(given) and not all(given):
         raise AircraftError(
-            f"{path}: [aileron], [rudder] and properties {', '.join(sorted(_LATERAL_PROPERTIES))} go together: give all or none"
+            f"{path}: [aileron], [rudder] and properties {', '.join(sorted(LATERAL_PROPERTIES))} go together: give all or none"
         )
     for name in surfaces:
-        for key in sorted(set(raw[name]) ^ _KEYS["elevator"]):
-            problem = "is missing" if key in _KEYS["elevator"] else f"is unknown{did_you_mean(key, _KEYS['elevator'])}"
-            raise AircraftError(f"{path}: {name}.{key} {problem}")
         for key in ("lag_rad_s", "rate_limit_deg_s"):
             if not raw[name][key] > 0:
                 raise AircraftError(f"{path}: {name}.{key}: must be above 0 (got {raw[name][key]})")
@@ -227,6 +235,24 @@ def _check(raw: Mapping[str, Any], path: Path) -> None:
     }.items():
         if not low < high:
             raise AircraftError(f"{path}: {place}: must be in ascending order (got {low}, {high})")
+
+
+def _check_edit(edit: Mapping[str, Any], place: str) -> None:
+    """Reject an unknown kind of edit, and unknown and missing keys. Raises AircraftError."""
+    do = edit.get("do")
+    if not isinstance(do, str) or do not in edits():
+        raise AircraftError(
+            f"{place}.do: must be one of {', '.join(edits())} (got {do!r}){did_you_mean(str(do), edits())}"
+        )
+    required, known = edit_keys(do)
+    for key in edit:
+        if key not in known:
+            raise AircraftError(
+                f"{place}: unknown key {key}{did_you_mean(key, known)}; '{do}' has: {', '.join(known[1:])}"
+            )
+    for key in required:
+        if key not in edit:
+            raise AircraftError(f"{place} ({do}): {key} is missing")
 
 
 def load_path(name: str) -> str:

@@ -21,7 +21,6 @@ from flightbed.core.errors import FlightbedError, OutputError
 from flightbed.core.estimate_names import estimate_name
 from flightbed.document import palette
 from flightbed.document.document import Cell, Table
-from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.reading import load_scenario
 
 # heading, with its unit -> value
@@ -166,7 +165,9 @@ def _read(place: Path) -> _RunData:
         head, _, rest = key.removeprefix("estimators.").partition(".")
         return f"estimators.{names[int(head)]}.{rest}" if key.startswith("estimators.") else key
 
-    idle = {named(key) for key in _idle(scenario) if not key.startswith("estimators.") or names}
+    acting, without_effect = _acting(scenario)
+    settings = _flat(acting)
+    idle = {named(key) for key in without_effect if not key.startswith("estimators.") or names}
     estimator = settings.get("adaptation.estimator") if _is_adaptive(settings) else next(iter(names), None)
     return _RunData({named(key): value for key, value in settings.items()}, summary, place, idle, estimator)
 
@@ -184,12 +185,13 @@ def _is_resolved(settings: Mapping[str, Any], scenario: Mapping[str, Any]) -> bo
     )
 
 
-def _idle(scenario: Mapping[str, Any]) -> Collection[str]:
-    """Return the keys without effect; none for a scenario with own code, which is not loaded."""
+def _acting(raw: Mapping[str, Any]) -> tuple[Mapping[str, Any], Collection[str]]:
+    """Return the keys of a scenario that act, and those without effect; a scenario with own code is not loaded, and returned as it is."""
     try:
-        return unused_keys(load_scenario(scenario))
+        scenario = load_scenario(raw)
     except FlightbedError:
-        return ()
+        return raw, ()
+    return scenario.settings(), scenario.idle_keys()
 
 
 def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
@@ -237,6 +239,15 @@ def differing(runs: Sequence[Run]) -> Table:
 
 def _word(value: Any) -> str:
     return "-" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def different_sources(runs: Sequence[Run]) -> str | None:
+    """Return a sentence on the sources that flew, if they differ between runs; None if all are the same, or none is known."""
+    found = {run.label: run.summary.source_sha256 for run in runs}
+    if len(set(found.values())) < 2:
+        return None
+    named = ", ".join(f"{label} {'not recorded' if sha256 is None else sha256[:12]}" for label, sha256 in found.items())
+    return f"Flown by different sources of flightbed (SHA-256: {named})."
 
 
 def metrics_table(runs: Sequence[Run]) -> Table:

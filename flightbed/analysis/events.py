@@ -10,7 +10,6 @@ from flightbed.analysis.metrics import at_stop, since_s
 from flightbed.analysis.punctuality import Spell, late_spells
 from flightbed.analysis.summary import RunSummary
 from flightbed.analysis.trace import Trace, true_share
-from flightbed.config.kinds import Failure, GustSettings
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
 from flightbed.estimation.reconstruction.regression_kernels import ACTUATOR
@@ -22,48 +21,18 @@ _MANY = 10  # most spells of late ticks that the event log lists separately
 
 def failures(scenario: Scenario) -> list[str]:
     """Return the failures of a scenario in words."""
-    return [f"at {f.at_s:g} s {_failure_text(f)}" for f in scenario.failures]
+    return [f"at {f.at_s:g} s {f.in_words()}" for f in scenario.failures]
 
 
 def gusts(scenario: Scenario) -> list[str]:
     """Return the gusts of a scenario in words."""
-    return [f"at {g.at_s:g} s {_gust_text(g)}" for g in scenario.gusts]
-
-
-def _failure_text(failure: Failure) -> str:
-    surface = f"the {failure.surface}"
-    match failure.kind:
-        case "ramp":
-            return f"{surface} effectiveness ramps to {failure.to:.0%} over {failure.over_s:g} s"
-        case "structural":
-            return f"{surface} moment falls to {failure.to:.0%}, its lift and drag to {failure.force_to:.0%}"
-        case "cg-shift":
-            where = "aft" if failure.shift_cbar >= 0.0 else "ahead"
-            return f"the c.g. moves to {abs(failure.shift_cbar):.1%} of the chord {where} of its position at take-off"
-        case "stuck":
-            return f"{surface} is stuck at its current position"
-        case "floating":
-            return f"{surface} is disconnected from its actuator and floats in the airstream"
-        case "hardover":
-            return f"{surface} runs to its {'highest' if failure.side == 'high' else 'lowest'} stop, regardless of the command"
-        case "rate-limit":
-            return f"{surface} rate limit falls to {failure.to:.0%}"
-        case "bias":
-            return f"{surface} has a bias of {failure.bias_deg:+g} deg that its position feedback does not show"
-    return f"{surface} effectiveness steps to {failure.to:.0%}"
-
-
-def _gust_text(gust: GustSettings) -> str:
-    if gust.shape == "sine":
-        return f"a harmonic gust of {abs(gust.up_fps):g} ft/s begins, at {gust.frequency_hz:g} Hz"
-    rising = f"rising for {gust.rise_s:g} s" + (f", held for {gust.hold_s:g} s" if gust.hold_s else "")
-    return f"a gust of {abs(gust.up_fps):g} ft/s {'up' if gust.up_fps >= 0.0 else 'down'}, {rising}"
+    return [f"at {g.at_s:g} s {g.in_words()}" for g in scenario.gusts]
 
 
 def planned_events(scenario: Scenario) -> list[tuple[float, str, bool]]:
     """Return (time in s, text, severe) of the scenario's failures and gusts, in order of time."""
-    planned = [(f.at_s, f"FAILURE: {_failure_text(f)}", True) for f in scenario.failures]
-    return sorted(planned + [(g.at_s, f"gust: {_gust_text(g)}", False) for g in scenario.gusts])
+    planned = [(f.at_s, f"FAILURE: {f.in_words()}", True) for f in scenario.failures]
+    return sorted(planned + [(g.at_s, f"gust: {g.in_words()}", False) for g in scenario.gusts])
 
 
 def trace_events(trace: Trace, actuators: Mapping[str, Actuator], *, since: int = 0) -> list[tuple[float, str, bool]]:

@@ -29,8 +29,10 @@ from flightbed.analysis.summary import (
 from flightbed.analysis.trace import Trace, collect, from_rows
 from flightbed.config.tracebacks import error_context
 from flightbed.control.stability_margins import lateral_margin
+from flightbed.core.environment import environment
 from flightbed.core.errors import ExtensionError
 from flightbed.core.signals import Sample
+from flightbed.core.sources import source_sha256
 from flightbed.core.units import DEG
 from flightbed.core.versions import versions
 from flightbed.estimation.base import estimate_names
@@ -43,7 +45,7 @@ from flightbed.flight.pacing import Clock, paced
 from flightbed.flight.parts import Flight
 from flightbed.flight.plan import Plan, plan
 from flightbed.models.linear_aircraft import LinearAircraft
-from flightbed.scenario.own_code import named_extensions
+from flightbed.scenario.own_code import named_extensions, named_plug_ins
 from flightbed.scenario.tables import Scenario
 
 Watch = Callable[[Iterator[Sample]], Iterator[Sample]]  # yields the samples unchanged
@@ -87,6 +89,7 @@ def fly_scenario(
         InputError, NotComputableError: from the plan or the flight.
 
     """
+    source_sha256()  # of the sources as they are now: they may be edited during the flight
     planned = plan(scenario)
     flight = assemble(planned)
     watcher = None if watch is None else watch(planned, predicted_readings(flight, scenario))
@@ -183,7 +186,7 @@ def _with_bound(plan: Plan, trace: Trace) -> Trace:
         models = schedule_models(trace, plan.schedule, control_hz=hz)
     else:
         return trace
-    window = next((e.window for e in estimators if e.memory == "window"), None)
+    window = next((e.constant_over for e in estimators if e.constant_over is not None), None)
     return trace.with_column("effectiveness_bound", bound(trace, models, sensor_noise(plan.scenario), window=window))
 
 
@@ -256,11 +259,14 @@ def summarize(plan: Plan, trace: Trace, metrics: Metrics, margins: MarginSummary
             tuple(map(tuple, design.A.tolist())), tuple(design.b.tolist()), tuple(design.poles.tolist())
         ),
         gains=plan.gains,
-        extensions=tuple(ExtensionSummary(own.name, own.sha256) for own in named_extensions(scenario)),
+        extensions=tuple(ExtensionSummary(own.name, own.sha256, own.imports) for own in named_extensions(scenario)),
         aircraft_sha256=plan.aircraft.sha256,
         wall_time_s=wall_s,
         real_time_factor=flown_s / wall_s,
         realtime=punctuality(trace, control_hz=scenario.rates.control_hz),
         versions={**versions(), "rerun-sdk": version("rerun-sdk")},
+        source_sha256=source_sha256(),
+        environment=dict(environment()),
+        plug_ins=named_plug_ins(scenario),
         margins=margins,
     )

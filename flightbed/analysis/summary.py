@@ -103,11 +103,13 @@ class ExtensionSummary:
     Attributes:
         name: ``module:Attribute``, ``file.py:Attribute``, or the name given to ``flightbed.using``.
         sha256: of its source; None where the source is not known.
+        imports: path -> sha256 of the files that it imports from its own folder or package.
 
     """
 
     name: str
     sha256: str | None
+    imports: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,6 +135,9 @@ class RunSummary:
         real_time_factor: flown_s over wall_time_s.
         realtime: real-time performance; None for a flight that was not paced.
         versions: package -> version.
+        source_sha256: of all Python sources of flightbed; None in files written before it was stored.
+        environment: all else that decides the last digits: CPU features, libc, BLAS kernels; empty in older files.
+        plug_ins: kinds of installed packages that flew -> SHA-256 of their sources.
         margins: stability margins before the flight.
         others: keys of a file that this version does not know, with their values.
 
@@ -156,6 +161,9 @@ class RunSummary:
     real_time_factor: float
     realtime: Punctuality | None = None
     versions: Mapping[str, str]
+    source_sha256: str | None = None
+    environment: Mapping[str, str] = field(default_factory=dict)
+    plug_ins: Mapping[str, str | None] = field(default_factory=dict)
     margins: MarginSummary = field(default_factory=MarginSummary)
     others: Mapping[str, Any] = field(default_factory=dict)
 
@@ -190,6 +198,9 @@ class RunSummary:
             "real_time_factor": self.real_time_factor,
             "realtime": None if self.realtime is None else asdict(self.realtime),
             "versions": dict(self.versions),
+            "source_sha256": self.source_sha256,
+            "environment": dict(self.environment),
+            "plug_ins": dict(self.plug_ins),
             "margins": self.margins.to_dict(),
             **self.others,
         }
@@ -237,6 +248,9 @@ class RunSummary:
             real_time_factor=values["real_time_factor"],
             realtime=None if realtime is None else _punctuality(realtime),
             versions=dict(values["versions"]),
+            source_sha256=values.get("source_sha256"),
+            environment=dict(values.get("environment", {})),
+            plug_ins=dict(values.get("plug_ins", {})),
             margins=MarginSummary.from_dict(values.get("margins", {})),
             others={key: value for key, value in values.items() if key not in names},
         )

@@ -6,10 +6,6 @@ from flightbed.analysis.events import failures, gusts, milliseconds
 from flightbed.analysis.metrics import PHASES
 from flightbed.analysis.punctuality import Punctuality
 from flightbed.analysis.summary import RunSummary
-from flightbed.config import families
-from flightbed.config.kinds import Command, RollCommand, SideslipCommand
-from flightbed.core.units import unit_of
-from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.tables import Scenario
 
 
@@ -155,25 +151,13 @@ def command(scenario: Scenario, place: str = "command") -> str:
         place: the table of the command: ``"command"``, ``"lateral.roll"`` or ``"lateral.sideslip"``.
 
     """
-    idle, lateral = unused_keys(scenario), scenario.lateral
-    tables: dict[str, Command | RollCommand | SideslipCommand] = {
-        "command": scenario.command,
-        "lateral.roll": lateral.roll,
-        "lateral.sideslip": lateral.sideslip,
+    amplitude = "amplitude_g" if scenario.in_g else "amplitude_deg_s"
+    words = {
+        "command": lambda: scenario.command.in_words(amplitude),
+        "lateral.roll": lambda: scenario.lateral.roll.in_words("amplitude_deg_s"),
+        "lateral.sideslip": lambda: scenario.lateral.sideslip.in_words("amplitude_deg"),
     }
-    asked = tables[place]
-    used = asked.model_dump(exclude={"kind", "filter_rad_s", "options"})
-    if families.is_built_in("commands", asked.kind):
-        used = {k: v for k, v in used.items() if f"{place}.{k}" not in idle}
-    else:
-        used = {k: v for k, v in used.items() if k in asked.model_fields_set} | dict(asked.options)
-    suffixes = {"deg/s": "_deg_s", "deg": "_deg", "s": "_s", "Hz": "_hz", "g": "_g"}
-    words = [asked.kind]
-    for key, value in sorted(used.items(), key=lambda item: not item[0].startswith("amplitude")):
-        unit = unit_of(key) if unit_of(key) in suffixes else ""
-        shown = f"{value:g}" if isinstance(value, float) else str(value)
-        words.append(f"{key.removesuffix(suffixes.get(unit, '')).replace('_', ' ')} {shown} {unit}".strip())
-    return f"{', '.join(words)}; prefilter {asked.filter_rad_s:g} rad/s"
+    return words[place]()
 
 
 def correction(scenario: Scenario) -> str:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flightbed.aircraft.overlay import load_path
 from flightbed.campaigns.plan import Programme, Values, grid, with_values
 from flightbed.campaigns.settings import CampaignSettings
 from flightbed.campaigns.table import metric_columns
@@ -14,12 +14,11 @@ from flightbed.config.reading import display_path, read_toml, validation_lines, 
 from flightbed.config.table import ValidationError
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, did_you_mean
-from flightbed.flight.plan import plan
+from flightbed.flight.plan import bind, plan
 from flightbed.models.linear_aircraft import load_flyable
-from flightbed.scenario.checks import unused_keys
 from flightbed.scenario.estimates import estimates
 from flightbed.scenario.own_code import named_extensions
-from flightbed.scenario.reading import apply_overrides, build, validate
+from flightbed.scenario.reading import Reading, read, settle
 from flightbed.scenario.tables import Scenario
 
 RUNS = 100  # default, of a plain scenario
@@ -45,7 +44,9 @@ def load_programme(source: str | Path, overrides: Sequence[str] = (), runs: int 
     path = data.find_flights(str(source))
     raw = read_toml(path)
     if "base" not in raw and "axes" not in raw:
-        return plain(build(raw, display_path(path), overrides), RUNS if runs is None else runs)
+        found = read(raw, display_path(path), overrides)
+        programme = plain(found.scenario, RUNS if runs is None else runs)
+        return replace(programme, notes=(*found.notes, *programme.notes))
     place = display_path(path)
     if runs is not None:
         raw["runs"] = _at_least_one(runs)
@@ -56,8 +57,8 @@ def load_programme(source: str | Path, overrides: Sequence[str] = (), runs: int 
     base = path.parent / Path(settings.base).expanduser()
     if not base.is_file():
         base = data.find("scenario", settings.base)
-    base_raw, scenario = apply_overrides(read_toml(base), display_path(base), overrides)
-    return _programme(settings, base_raw, scenario, place, [text.partition("=")[0] for text in overrides])
+    found = read(read_toml(base), display_path(base), overrides)
+    return _programme(settings, found, place, [text.partition("=")[0] for text in overrides])
 
 
 def plain(scenario: Scenario, runs: int) -> Programme:
@@ -70,10 +71,11 @@ def plain(scenario: Scenario, runs: int) -> Programme:
     _at_least_one(runs)
     if scenario.seed > _LAST_SEED - runs + 1:
         raise InputError(f"seed: must be at most {_LAST_SEED - runs + 1} with {runs} flights (got {scenario.seed})")
-    scenario = plan(scenario).scenario  # complete; errors appear before workers start
-    raw = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
+    planned = plan(scenario)  # errors appear before workers start
+    scenario = planned.scenario  # complete
     return Programme(
-        scenario, raw, runs, extensions=named_extensions(scenario), aircraft=(scenario.aircraft.sha256,)
+        scenario, scenario.to_dict(), runs, extensions=named_extensions(scenario), aircraft=(scenario.aircraft.sha256,),
+        notes=planned.notes,
     )  # fmt: skip
 
 
@@ -83,9 +85,8 @@ def _at_least_one(runs: int) -> int:
     return runs
 
 
-def _programme(
-    settings: CampaignSettings, raw: Mapping[str, Any], scenario: Scenario, place: str, overridden: Sequence[str]
-) -> Programme:
+def _programme(settings: CampaignSettings, base: Reading, place: str, overridden: Sequence[str]) -> Programme:
+    scenario = base.scenario
     found = [*_axis_problems(settings, place, overridden), *_criteria_problems(settings, scenario, place)]
     lengths = 1
     for axis in settings.axes if settings.combine == "crossed" else settings.axes[:1]:
@@ -101,23 +102,25 @@ def _programme(
     if unknown := [p for p in settings.histories.points if p >= len(points)]:
         found.append(f"{place}: histories.points: must be below {len(points)}, the number of points (got {unknown[0]})")
     models = [axis.values or () for axis in settings.axes if axis.key == "aircraft.model"]
-    raw, fingerprints = _bound(raw, scenario, [str(v) for values in models for v in values])
-    found += _point_problems(settings, raw, points, place, estimates(scenario))
+    raw, fingerprints, notes = _bound(base.raw, scenario, [str(v) for values in models for v in values])
+    problems, dropped = _point_problems(settings, raw, points, place, estimates(scenario))
+    found += problems
     if found:
         raise ScenarioError(found)
-    complete = validate(raw, place, {})
-    return Programme(complete, raw, settings.runs, points, settings, named_extensions(complete), fingerprints)
+    complete = settle(raw, place, {}).scenario
+    notes = (*base.notes, *Reading(raw, complete, dropped).notes, *notes)
+    return Programme(complete, raw, settings.runs, points, settings, named_extensions(complete), fingerprints, notes)
 
 
 def _bound(
     raw: Mapping[str, Any], scenario: Scenario, models: Sequence[str]
-) -> tuple[Mapping[str, Any], tuple[str, ...]]:
-    """Return the base with its aircraft's path and fingerprint, unless it is varied, and all fingerprints. Raises AircraftError."""
+) -> tuple[Mapping[str, Any], tuple[str, ...], tuple[str, ...]]:
+    """Return the base with its aircraft's path and fingerprint, unless it is varied, all fingerprints, and notes. Raises AircraftError."""
     if models:
-        return raw, tuple(load_flyable(model).sha256 for model in models)
-    aircraft = load_flyable(scenario.aircraft.model)
-    pinned = {"model": load_path(scenario.aircraft.model), "sha256": scenario.aircraft.sha256 or aircraft.sha256}
-    return {**raw, "aircraft": {**raw.get("aircraft", {}), **pinned}}, (aircraft.sha256,)
+        return raw, tuple(load_flyable(model).sha256 for model in models), ()
+    bound, _, notes = bind(scenario)
+    pinned = {"model": bound.aircraft.model, "sha256": bound.aircraft.sha256}
+    return {**raw, "aircraft": {**raw.get("aircraft", {}), **pinned}}, (bound.aircraft.sha256,), notes
 
 
 def _axis_problems(settings: CampaignSettings, place: str, overridden: Sequence[str]) -> list[str]:
@@ -147,8 +150,8 @@ def _criteria_problems(settings: CampaignSettings, scenario: Scenario, place: st
 
 def _point_problems(
     settings: CampaignSettings, raw: Mapping[str, Any], points: Sequence[Values], place: str, columns: Sequence[str]
-) -> list[str]:
-    """Return the problems of the points' scenarios, and of the limits of drawn values; each problem once.
+) -> tuple[list[str], dict[str, str]]:
+    """Return the problems of the points' scenarios and of the limits of drawn values, each once, and the dropped keys of the base.
 
     All points must have the same estimates, because the estimates are columns of the table.
     """
@@ -168,17 +171,20 @@ def _point_problems(
         try:
             for key, value in values.items():
                 with_values(raw, {key: value}, origins[key])
-            scenario = validate(with_values(raw, values, place), place, origins)
+            reading = settle(with_values(raw, values, place), place, origins)
         except ScenarioError as error:
             found.update(dict.fromkeys(error.problems))
             continue
-        for name in sorted(set(estimates(scenario)) ^ set(columns)):
+        for name in sorted(set(estimates(reading.scenario)) ^ set(columns)):
             there_is = "no" if name in columns else "an"
             varied = ", ".join(f"{key} = {value}" for key, value in values.items())
             problem = f"{place}: axes: {varied}: there is {there_is} estimate '{name}', unlike in the base; split it into two campaigns"
             found[problem] = None
-        without = unused_keys(scenario)
-        idle.update({key: without[key] for key in values if key in without})
-        effective.update(key for key in values if key not in without)
-    useless = [f"{origins[k]}.key: {k} has no effect with {why}" for k, why in idle.items() if k not in effective]
-    return [*found, *([] if found else useless)]
+        idle.update(reading.dropped)
+        effective.update(key for key in values if key not in reading.dropped)
+    useless = [
+        f"{origins[k]}.key: {k} has no effect with {why}"
+        for k, why in idle.items()
+        if k in origins and k not in effective
+    ]
+    return [*found, *([] if found else useless)], {k: why for k, why in idle.items() if k not in origins}

@@ -172,9 +172,7 @@ def journal(out: Path, programme: Programme, *, replace: bool, resume: bool) -> 
         target = out if replace else _own_folder(out, programme)
         state = _state(target)
         if state is not None and state.get("campaign") != programme.fingerprint:
-            raise InputError(
-                f"--resume: {target} holds {_difference(state, programme)}; name another folder with --out"
-            )
+            raise InputError(f"--resume: {target} holds {_difference(state, programme)}")
         if (target / "summary.json").is_file() and state is not None and not (target / UNFINISHED).is_dir():
             yield target
             return
@@ -204,19 +202,25 @@ def _start(target: Path, programme: Programme, *, replace: bool) -> Path:
     else:
         target.parent.mkdir(parents=True, exist_ok=True)
         target = first_free(target, Path.mkdir)
-    known = {"campaign": programme.fingerprint, "name": programme.name, "flights": len(programme)}
+    known = {"campaign": programme.fingerprint, "name": programme.name, "flights": len(programme), **programme.sources}
     (target / UNFINISHED).mkdir(exist_ok=True)
     replace_file(target / UNFINISHED / "campaign.json", lambda path: _write(path, json.dumps(known, indent=2) + "\n"))
     return target
 
 
 def _own_folder(out: Path, programme: Programme) -> Path:
-    """Return the one of OUT, OUT-2, ... with this campaign, preferably unfinished; otherwise the first that does not exist."""
-    finished = None
+    """Return the one of OUT, OUT-2, ... with this campaign, preferably unfinished.
+
+    Otherwise the first unfinished one of the same name and length that other sources started, which cannot be continued; otherwise the
+    first that does not exist.
+    """
+    finished = other = None
     for place in numbered_paths(out):
         if not place.exists():
-            return finished or place
+            return finished or other or place
         state = _state(place)
+        if state is not None and (place / UNFINISHED).is_dir() and _other_sources(state, programme):
+            other = other or place
         if state is not None and state.get("campaign") == programme.fingerprint:
             if (place / UNFINISHED).is_dir():
                 return place
@@ -252,9 +256,40 @@ def _state(target: Path) -> dict[str, Any] | None:
 
 def _difference(state: dict[str, Any], programme: Programme) -> str:
     name, flights = state.get("name", state.get("scenario", "?")), state.get("flights", "?")
-    if (name, flights) == (programme.name, len(programme)):
-        return f"campaign '{name}' ({flights} flights) with other settings, aircraft or versions"
-    return f"campaign '{name}' ({flights} flights), not this campaign '{programme.name}' ({len(programme)} flights)"
+    campaign, cure = f"campaign '{name}' ({flights} flights)", "name another folder with --out"
+    if (name, flights) != (programme.name, len(programme)):
+        return f"{campaign}, not this campaign '{programme.name}' ({len(programme)} flights); {cure}"
+    if other := _other_sources(state, programme):
+        return (
+            f"{campaign}, which was started by other sources: {other}; fly it anew ({cure}), or restore those sources"
+        )
+    return f"{campaign} with other settings, aircraft or versions; {cure}"
+
+
+def _other_sources(state: dict[str, Any], programme: Programme) -> str:
+    """Return which sources differ from those of a stored campaign of the same name and length; empty if none do."""
+    if (state.get("name"), state.get("flights")) != (programme.name, len(programme)) or "source_sha256" not in state:
+        return ""
+    found, now = [], programme.sources
+    if state["source_sha256"] != now["source_sha256"]:
+        found.append(f"flightbed (got {now['source_sha256'][:12]}, there {str(state['source_sha256'])[:12]})")
+    for key in ("extensions", "plug_ins"):
+        stored = state.get(key)
+        for name, ours in now[key].items():
+            theirs = stored.get(name) if isinstance(stored, dict) else None
+            if theirs is not None and theirs != ours:
+                found.append(f"{name}{_changed_file(theirs, ours)}")
+    return ", ".join(found)
+
+
+def _changed_file(theirs: Any, ours: Any) -> str:
+    """Return the first imported file that differs between two identities of own code, in brackets; empty if the code itself differs."""
+    if not isinstance(theirs, dict) or not isinstance(ours, dict) or theirs.get("sha256") != ours.get("sha256"):
+        return ""
+    before, now = theirs.get("imports"), ours.get("imports")
+    if not isinstance(before, dict) or not isinstance(now, dict):
+        return ""
+    return next((f" ({file})" for file in sorted({*before, *now}) if before.get(file) != now.get(file)), "")
 
 
 def _open_locked(path: Path) -> IO[bytes]:

@@ -19,9 +19,10 @@ import numpy as np
 from flightbed.campaigns.settings import AxisSettings, CampaignSettings
 from flightbed.config.overrides import replace_at, setting
 from flightbed.config.own_code import Extension
+from flightbed.core.sources import source_sha256
 from flightbed.core.versions import versions
-from flightbed.scenario.checks import unused_keys
-from flightbed.scenario.reading import validate
+from flightbed.scenario.own_code import named_plug_ins
+from flightbed.scenario.reading import Reading, settle
 from flightbed.scenario.tables import Scenario
 
 Values = Mapping[str, Any]  # key of the scenario -> value
@@ -61,6 +62,7 @@ class Programme:
         settings: the campaign file; None for a plain scenario, whose flights have successive seeds from its own on.
         extensions: own code that the flights use.
         aircraft: fingerprints of all aircraft.
+        notes: on the settings, one line each.
 
     """
 
@@ -71,6 +73,7 @@ class Programme:
     settings: CampaignSettings | None = None
     extensions: tuple[Extension, ...] = ()
     aircraft: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of flights."""
@@ -107,8 +110,8 @@ class Programme:
 
     def overrides(self, flight: Flight) -> str:
         """Return the options of ``flightbed run`` that turn the base scenario into this flight; values without effect are left out."""
-        idle = unused_keys(scenario_of(self.raw, flight))
-        texts = [setting(key, value) for key, value in flight.values.items() if key not in idle]
+        dropped = _reading(self.raw, flight).dropped
+        texts = [setting(key, value) for key, value in flight.values.items() if key not in dropped]
         return "".join(f" --set {shlex.quote(text)}" for text in (*texts, f"seed={flight.seed}"))
 
     @property
@@ -128,7 +131,7 @@ class Programme:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of everything that determines the table: scenario, axes, criteria, runs, seed, aircraft, versions, own code."""
+        """SHA-256 of all that determines the table: scenario, axes, criteria, runs, seed, aircraft, versions, sources, own code."""
         return _sha256(
             {
                 "scenario": self.raw,
@@ -136,15 +139,32 @@ class Programme:
                 "runs": self.runs,
                 "aircraft": self.aircraft,
                 "versions": dict(versions()),
-                "extensions": {e.name: e.sha256 for e in self.extensions},
+                **self.sources,
             }
         )
 
+    @property
+    def sources(self) -> Mapping[str, Any]:
+        """Hashes of the sources that fly: of flightbed, of own code, of the kinds of installed packages."""
+        return _sources(self.scenario, self.extensions)
+
+
+def _sources(scenario: Scenario, extensions: Sequence[Extension]) -> Mapping[str, Any]:
+    return {
+        "source_sha256": source_sha256(),
+        "extensions": {extension.name: extension.identity for extension in extensions},
+        "plug_ins": named_plug_ins(scenario),
+    }
+
 
 def scenario_of(raw: Mapping[str, Any], flight: Flight) -> Scenario:
-    """Return the scenario of a flight. Raises ScenarioError."""
+    """Return the scenario of a flight; values without effect at its point are left out. Raises ScenarioError."""
+    return _reading(raw, flight).scenario
+
+
+def _reading(raw: Mapping[str, Any], flight: Flight) -> Reading:
     values, place = {**flight.values, "seed": flight.seed}, f"flight {flight.index}"
-    return validate(with_values(raw, values, place), place, {})
+    return settle(with_values(raw, values, place), place, {})
 
 
 def with_values(raw: Mapping[str, Any], values: Values, place: str) -> Mapping[str, Any]:
@@ -155,16 +175,14 @@ def with_values(raw: Mapping[str, Any], values: Values, place: str) -> Mapping[s
 
 
 def flight_hash(scenario: Scenario, extensions: Sequence[Extension]) -> str:
-    """Return the SHA-256 of everything that determines a flight: complete scenario with aircraft and seed, versions, own code.
+    """Return the SHA-256 of everything that determines a flight: complete scenario with aircraft and seed, versions, sources, own code.
 
     Name, description and the path of the aircraft are left out; the aircraft's fingerprint is part of the scenario.
     """
     decides = scenario.model_dump(
         mode="json", by_alias=True, exclude={"name": True, "description": True, "aircraft": {"model"}}
     )
-    return _sha256(
-        {"scenario": decides, "versions": dict(versions()), "extensions": {e.name: e.sha256 for e in extensions}}
-    )  # fmt: skip
+    return _sha256({"scenario": decides, "versions": dict(versions()), **_sources(scenario, extensions)})
 
 
 def _sha256(values: Mapping[str, Any]) -> str:

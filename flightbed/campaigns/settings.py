@@ -8,7 +8,10 @@ from typing import Annotated, Any, Literal
 import tomli_w
 
 from flightbed.config.table import (
+    CoreSchema,
     Field,
+    FormatVersion,
+    GetJsonSchemaHandler,
     Identifier,
     OptionValue,
     PydanticCustomError,
@@ -26,25 +29,57 @@ _KINDS = {
     "uniform": ("distribution", "low", "high"),
     "normal": ("distribution", "mean", "std"),
 }
+_MAY = {"normal": {"low", "high"}}
 
 
 def _problem(text: str) -> PydanticCustomError:
     return PydanticCustomError("consistency", "{text}", {"text": text})
 
 
+def _with_chosen(schema: dict[str, Any], numbers: str) -> dict[str, Any]:
+    """Return the schema of a table in which keep = "chosen" and a list of numbers need each other."""
+    chosen = {"properties": {"keep": {"const": "chosen"}}, "required": ["keep"]}
+    given = {"properties": {numbers: {"minItems": 1}}, "required": [numbers]}
+    return {**schema, "if": chosen, "then": given, "else": {"properties": {numbers: {"maxItems": 0}}}}
+
+
 class AxisSettings(Settings):
     """A scenario key and its values: a list, an evenly spaced range, or one random draw per flight."""
 
     key: str
+    """Dotted key of the scenario, such as "failures.0.to"; its value is a number, text, true or false, or a list."""
     values: Annotated[tuple[OptionValue, ...], Field(min_length=1)] | None = None
+    """List of values."""
     start: Number | None = Field(None, alias="from")
+    """First of count values in equal steps; the values are whole numbers if both ends and the step are."""
     to: Number | None = None
+    """Last of count values in equal steps, included."""
     count: Annotated[int, between(2, 100_000)] | None = None
+    """Number of values from `from` to `to`."""
     distribution: Literal["uniform", "normal"] | None = None
+    """Each flight draws its own value: uniform between low and high, or normal, truncated at low and high."""
     low: Number | None = None
+    """Least drawn value; a normal distribution may omit it."""
     high: Number | None = None
+    """Greatest drawn value; a normal distribution may omit it."""
     mean: Number | None = None
+    """Mean of a normal distribution, before truncation."""
     std: Annotated[Number, between(0, 1_000_000, open_low=True)] | None = None
+    """Standard deviation of a normal distribution, before truncation."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema: exactly one of the four ways to give values."""
+        schema = super().__get_pydantic_json_schema__(core, handler)
+        keys = [key for key in schema["properties"] if key != "key"]
+        ways = []
+        for kind, needs in _KINDS.items():
+            foreign = [key for key in keys if key not in needs and key not in _MAY.get(kind, ())]
+            properties: dict[str, Any] = dict.fromkeys(foreign, False)
+            if "distribution" in needs:
+                properties["distribution"] = {"const": kind}
+            ways.append({"title": kind, "required": list(needs), "properties": properties})
+        return {**schema, "oneOf": ways}
 
     @property
     def is_drawn(self) -> bool:
@@ -57,7 +92,7 @@ class AxisSettings(Settings):
         kind: str | None = self.distribution or next((k for k in ("values", "from") if k in given), None)
         if kind is None:
             raise _problem("needs values, or from, to and count, or distribution")
-        needs, may = _KINDS[kind], {"low", "high"} if kind == "normal" else set()
+        needs, may = _KINDS[kind], _MAY.get(kind, set())
         if missing := [key for key in needs if key not in given]:
             raise _problem(f"{'distribution ' if self.is_drawn else ''}'{kind}' needs {' and '.join(missing)} too")
         if extra := sorted(given - set(needs) - may):
@@ -77,9 +112,20 @@ class Criterion(Settings):
     """A condition that a flight must meet to pass: a metric (table column) equals a value, or lies between min and max."""
 
     metric: str
+    """Column of the campaign's table; a metric without a value does not pass."""
     equals: str | bool | int | float | None = None
+    """Required value."""
     min: Number | None = None
+    """Least value that passes."""
     max: Number | None = None
+    """Greatest value that passes."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema: equals, or at least one limit."""
+        schema = super().__get_pydantic_json_schema__(core, handler)
+        limits = {"properties": {"equals": False}, "anyOf": [{"required": ["min"]}, {"required": ["max"]}]}
+        return {**schema, "oneOf": [{"required": ["equals"], "properties": {"min": False, "max": False}}, limits]}
 
     @model_validator(mode="after")
     def _has_condition(self) -> Criterion:
@@ -96,7 +142,14 @@ class Traces(Settings):
     """Selection of the traces to keep: none, the worst flight of the campaign, or the flights with these indices."""
 
     keep: Literal["none", "worst", "chosen"] = "none"
+    """none; worst: the trace of the worst flight, in traces/flight-INDEX.parquet; chosen: the traces of indices."""
     indices: tuple[Annotated[int, between(0, 10_000_000)], ...] = ()
+    """Flights whose traces are kept, from 0; with keep = "chosen" only, which needs them."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema: indices with keep = "chosen", and only then."""
+        return _with_chosen(super().__get_pydantic_json_schema__(core, handler), "indices")
 
     @model_validator(mode="after")
     def _chosen(self) -> Traces:
@@ -109,7 +162,14 @@ class Histories(Settings):
     """Selection of the points whose histories are kept: automatic (all, or twelve that span the grid), none, or chosen numbers."""
 
     keep: Literal["auto", "none", "chosen"] = "auto"
+    """auto: all points, or, with more than 100 of them, twelve that span the grid; none; chosen: those of points."""
     points: Annotated[tuple[Annotated[int, between(0, 100_000)], ...], Field(max_length=100)] = ()
+    """Points whose histories are kept, from 0; with keep = "chosen" only, which needs them."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema: points with keep = "chosen", and only then."""
+        return _with_chosen(super().__get_pydantic_json_schema__(core, handler), "points")
 
     @model_validator(mode="after")
     def _chosen(self) -> Histories:
@@ -121,17 +181,28 @@ class Histories(Settings):
 class CampaignSettings(Settings):
     """A campaign: base scenario, varied keys, flights per point, pass criteria."""
 
-    schema_version: Literal[1] = Field(alias="schema")
+    schema_version: FormatVersion = Field(alias="schema")
+    """Version of the file's format."""
     name: Identifier
+    """Name of the campaign, and of its default folder: letters, digits, - and _."""
     description: str = ""
+    """One sentence about the campaign."""
     base: str
+    """Scenario whose keys the axes vary: a shipped name, or a path relative to this file."""
     runs: Count
+    """Flights at each point."""
     seed: Annotated[int, between(0, 2**63 - 1)] = 0
+    """Seed of the campaign; the seed of a flight follows from it and from the index of the flight."""
     combine: Literal["crossed", "paired"] = "crossed"
+    """crossed: all combinations of the axes' values; paired: the n-th values of all axes together. Drawn axes do not count."""
     axes: tuple[AxisSettings, ...] = ()
+    """Varied keys."""
     criteria: tuple[Criterion, ...] = ()
+    """Conditions of a pass; a flight passes if it meets all."""
     traces: Traces = Traces()
+    """Traces to keep."""
     histories: Histories = Histories()
+    """Points whose histories are kept: percentiles over their flights."""
 
     @model_validator(mode="after")
     def _consistent(self) -> CampaignSettings:

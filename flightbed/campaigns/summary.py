@@ -283,6 +283,7 @@ class CampaignSummary:
         wall_time_s: duration of the campaign, s, after the last ``--resume``.
         aircraft_sha256: fingerprint of the (first) aircraft.
         versions: package -> version.
+        sources: hashes of the sources that flew (``Programme.sources``).
 
     """
 
@@ -303,6 +304,7 @@ class CampaignSummary:
     wall_time_s: float
     aircraft_sha256: str
     versions: Mapping[str, str]
+    sources: Mapping[str, Any]
 
     def quantity(self, column: str) -> QuantitySummary | None:
         """Return the statistics of a column over all flights; None where no flight has it."""
@@ -325,6 +327,7 @@ class CampaignSummary:
             "wall_time_s": self.wall_time_s,
             "aircraft_sha256": self.aircraft_sha256,
             "versions": dict(self.versions),
+            **self.sources,
         }
 
 
@@ -383,6 +386,7 @@ def summarize_campaign(
         wall_time_s=wall_time_s,
         aircraft_sha256=programme.aircraft[0],
         versions=versions(),
+        sources=programme.sources,
     )
 
 

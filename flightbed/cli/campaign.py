@@ -13,7 +13,8 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.text import Text
 
-from flightbed.cli.app import Flag, Scheduler, Set, Use, Workers
+from flightbed.cli.app import Flag, Scheduler, Set, Use, Workers, print_error
+from flightbed.cli.completion import FlightsName
 from flightbed.cli.screen import print_json, print_lines, progress_bar, table, without_intervals
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _POINTS = 20  # most points of a campaign with a table on a terminal
 
 
 def campaign(
-    file: str,
+    file: FlightsName,
     /,
     *,
     runs: int | None = None,
@@ -55,6 +56,8 @@ def campaign(
         with progress_bar() as progress:
             programme = load_programme(file, set_ or (), runs)
             check_named(programme.scenario, use or ())
+            for note in programme.notes:
+                print_error(note)
             place = out if out is not None else Path("campaigns") / programme.name
             flown, written = campaigns.run(
                 programme, place, workers=workers, scheduler=scheduler, replace=out is not None, resume=resume, progress=progress,

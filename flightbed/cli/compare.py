@@ -48,7 +48,7 @@ def compare(
 
 def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableType]:
     """Yield the metrics of the runs, the settings that differ, and the folder."""
-    from flightbed.analysis.comparison import differing, metrics_table
+    from flightbed.analysis.comparison import different_sources, differing, metrics_table
 
     for compared in (metrics_table(runs), differing(runs)):
         if not compared.rows:
@@ -63,4 +63,6 @@ def comparison_lines(runs: Sequence[Run], written: Path) -> Iterator[RenderableT
         yield grid
         if compared.note:
             yield Padding(Text(compared.note, style="dim"), (0, 1))
+    if sources := different_sources(runs):
+        yield Padding(escape(sources), (0, 1))
     yield f"  written to {escape(str(written))}; open: flightbed view {escape(str(written))}"

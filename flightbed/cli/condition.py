@@ -5,17 +5,9 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 from cyclopts import Group, Parameter
-
-AircraftName = Annotated[
-    str,
-    Parameter(
-        help="Name of a shipped aircraft (`flightbed list aircraft`), path of an aircraft folder, or name of an aircraft that ships "
-        "with JSBSim (jsbsim:NAME if flightbed ships one of that name too)."
-    ),
-]
 
 _CONDITION = Group(
     "Flight condition",

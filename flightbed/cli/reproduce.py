@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from flightbed.cli.app import Flag, Scheduler, Workers
+from flightbed.cli.completion import StudyName
 from flightbed.cli.screen import print_json, print_lines, progress_bar, table, without_intervals
 from flightbed.core.errors import InputError
 
@@ -24,7 +25,7 @@ _WIDE = 7  # most columns of a table that shows its intervals on a terminal
 
 
 def reproduce(
-    study: str,
+    study: StudyName,
     /,
     *,
     runs: int | None = None,

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from flightbed.cli.app import Flag, Set, Use, print_error
+from flightbed.cli.completion import ScenarioName
 from flightbed.cli.screen import print_json, print_lines, table
 from flightbed.core.errors import InputError
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    scenario: str,
+    scenario: ScenarioName,
     /,
     *,
     out: Path | None = None,
@@ -51,19 +52,24 @@ def run(
     from flightbed.flight.pacing import WallClock
     from flightbed.runs.run import run as fly
     from flightbed.scenario.own_code import check_named
-    from flightbed.scenario.reading import load_scenario
+    from flightbed.scenario.reading import read_scenario
     from flightbed.telemetry.live import Live, address
 
     if viewer is not None and rerun != "live":
         raise InputError(f"--viewer {viewer}: has no effect without --rerun live")
     live = Live(*address(viewer), print_error) if rerun == "live" else None
     with using(*(use or ())):
-        settings = load_scenario(scenario, set_ or ())
+        reading = read_scenario(scenario, set_ or ())
+        settings = reading.scenario
+        for note in reading.notes:
+            print_error(note)
         check_named(settings, use or ())
         place = out if out is not None else Path("runs") / settings.name
         pace = WallClock() if realtime else None
         parts = {"rerun": rerun != "off", "report": report == "save"}
         result = fly(settings, place, **parts, replace=out is not None, pace=pace, live=live)
+    for note in result.plan.notes:
+        print_error(note)
     if json:
         print_json(result.summary.to_dict(), result.folder)
     else:

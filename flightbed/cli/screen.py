@@ -20,6 +20,7 @@ class _Stdout(Console):
 
 
 _stdout = _Stdout(highlight=False)
+stderr = Console(stderr=True)
 
 
 def print_lines(lines: Iterable[RenderableType]) -> None:
@@ -62,7 +63,6 @@ def progress_bar() -> Iterator[Callable[[int, int], None]]:
         def render(self, task: Task) -> Text:
             return Text("" if task.speed is None else f"{task.speed:.3g} flights/s", style="dim")
 
-    stderr = Console(stderr=True)
     columns = (TextColumn("flying"), BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
     with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
         task = bar.add_task("", total=None)

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from flightbed.cli.condition import AircraftName, ConditionOptions, deliver
+from flightbed.cli.completion import AircraftName
+from flightbed.cli.condition import ConditionOptions, deliver
 
 
 def trim(

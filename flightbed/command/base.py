@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from math import exp, sqrt
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from flightbed.config.table import between
+
 Vector = npt.NDArray[np.float64]
+Count = Annotated[int, between(0, 10000)]  # type of a key
 
 ROUND_OFF_S = 1e-9  # round-off can put t = k / hz just before a switching time
 

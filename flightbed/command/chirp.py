@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from math import floor, pi
+from typing import Literal
 
 import numpy as np
 
-from flightbed.command.base import ROUND_OFF_S, Command, Vector
-from flightbed.config import kinds
-from flightbed.core.units import DEG
+from flightbed.command.band import band_conflicts
+from flightbed.command.base import ROUND_OFF_S, Command, Count, Vector
+from flightbed.config.kinds import ShapedCommand, Surroundings
+from flightbed.config.table import NonNegative, Positive
 
 
 def chirp(
@@ -37,13 +39,32 @@ def chirp(
     return command
 
 
-def build(settings: kinds.Command) -> Command:
-    """Sweep a sine of amplitude_deg_s from low_hz to high_hz in period_s, count times."""
-    return chirp(
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        low_hz=settings.low_hz,
-        high_hz=settings.high_hz,
-        period_s=settings.period_s,
-        count=settings.count,
-        start_s=settings.start_s,
-    )
+class Chirp(ShapedCommand):
+    """A sine whose frequency sweeps from low_hz to high_hz in period_s, count times."""
+
+    kind: Literal["chirp"] = "chirp"
+    period_s: Positive = 4.5
+    """Duration of a sweep."""
+    count: Count = 3
+    """Number of sweeps."""
+    start_s: NonNegative = 0.0
+    """Start."""
+    low_hz: NonNegative = 0.2
+    """Frequency at the start of a sweep."""
+    high_hz: Positive = 2.0
+    """Frequency at the end of a sweep."""
+
+    def build(self, amplitude_rad_s: float) -> Command:
+        """Return the command over time."""
+        return chirp(
+            amplitude_rad_s=amplitude_rad_s,
+            low_hz=self.low_hz,
+            high_hz=self.high_hz,
+            period_s=self.period_s,
+            count=self.count,
+            start_s=self.start_s,
+        )
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:
+        """Return the problems of the band."""
+        return band_conflicts(place, low_hz=self.low_hz, high_hz=self.high_hz, control_hz=surroundings.control_hz)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from flightbed.command.base import Command, Vector
-from flightbed.config import kinds
-from flightbed.core.units import DEG
+from flightbed.config.kinds import CommandSettings, ShapedCommand
+from flightbed.config.table import NonNegative
 
 
 def constant(*, amplitude_rad_s: float, start_s: float = 0.0) -> Command:
@@ -23,11 +25,23 @@ def none() -> Command:
     return constant(amplitude_rad_s=0.0)
 
 
-def build(settings: kinds.Command) -> Command:
-    """Hold amplitude_deg_s from start_s on: a step."""
-    return constant(amplitude_rad_s=settings.amplitude_deg_s * DEG, start_s=settings.start_s)
+class Constant(ShapedCommand):
+    """A step: a constant value from start_s on."""
+
+    kind: Literal["constant"] = "constant"
+    start_s: NonNegative = 0.0
+    """Start."""
+
+    def build(self, amplitude_rad_s: float) -> Command:
+        """Return the command over time."""
+        return constant(amplitude_rad_s=amplitude_rad_s, start_s=self.start_s)
 
 
-def build_none(_settings: kinds.Command) -> Command:
-    """Command zero pitch rate: straight and level flight."""
-    return none()
+class Silent(CommandSettings):
+    """No command: zero throughout, straight and level flight."""
+
+    kind: Literal["none"] = "none"
+
+    def build(self, amplitude_rad_s: float) -> Command:  # noqa: ARG002
+        """Return the command over time."""
+        return none()

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from math import ceil, inf, log2, pi
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from flightbed.command.base import ROUND_OFF_S, Command, Vector, relative_peak_factor
-from flightbed.config import kinds
-from flightbed.core.harmonics import harmonics
-from flightbed.core.units import DEG
+from flightbed.command.band import band_conflicts
+from flightbed.command.base import ROUND_OFF_S, Command, Count, Vector, relative_peak_factor
+from flightbed.config.kinds import ShapedCommand, Surroundings
+from flightbed.config.table import NonNegative, Positive
+from flightbed.core.harmonics import MOST_HARMONICS, harmonics
 
 _CURVATURES = (1.0, 1.5, 2.0)  # of the initial phases; a single start sometimes ends in a poor local minimum
 _NORMS = (4, 8, 16, 32, 64, 128, 256, 512)
@@ -140,22 +142,78 @@ def multisine(
     return command
 
 
-def build(settings: kinds.Command) -> Command:
-    """Add all harmonics of 1/period_s in the band, phased for low peaks of amplitude_deg_s, count periods."""
-    return _repeated(settings, count=settings.count)
+class Dither(ShapedCommand):
+    """A multisine of small amplitude from start_s to the end of the flight, which excites level flight."""
+
+    kind: Literal["dither"] = "dither"
+    amplitude_deg_s: float = 0.5
+    """Peak of a commanded rate."""
+    period_s: Positive = 4.5
+    """Period of the fundamental."""
+    start_s: NonNegative = 0.0
+    """Start."""
+    low_hz: NonNegative = 0.2
+    """Lower end of the band, included."""
+    high_hz: Positive = 2.0
+    """Upper end of the band, included."""
+
+    def build(self, amplitude_rad_s: float) -> Command:
+        """Return the command over time."""
+        return multisine(
+            amplitude_rad_s=amplitude_rad_s,
+            low_hz=self.low_hz,
+            high_hz=self.high_hz,
+            period_s=self.period_s,
+            count=inf,
+            start_s=self.start_s,
+        )
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:
+        """Return the problems of the band and of its number of harmonics."""
+        return _band_conflicts(self, place, surroundings.control_hz)
 
 
-def build_dither(settings: kinds.Command) -> Command:
-    """Repeat a build, small by default, from start_s to the end of the flight, to excite level flight."""
-    return _repeated(settings, count=inf)
+class Multisine(ShapedCommand):
+    """All harmonics of 1/period_s in the band, phased for a small peak factor, count periods."""
+
+    kind: Literal["multisine"] = "multisine"
+    period_s: Positive = 4.5
+    """Period of the fundamental."""
+    count: Count = 3
+    """Number of periods."""
+    start_s: NonNegative = 0.0
+    """Start."""
+    low_hz: NonNegative = 0.2
+    """Lower end of the band, included."""
+    high_hz: Positive = 2.0
+    """Upper end of the band, included."""
+
+    def build(self, amplitude_rad_s: float) -> Command:
+        """Return the command over time."""
+        return multisine(
+            amplitude_rad_s=amplitude_rad_s,
+            low_hz=self.low_hz,
+            high_hz=self.high_hz,
+            period_s=self.period_s,
+            count=self.count,
+            start_s=self.start_s,
+        )
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:
+        """Return the problems of the band and of its number of harmonics."""
+        return _band_conflicts(self, place, surroundings.control_hz)
 
 
-def _repeated(settings: kinds.Command, *, count: float) -> Command:
-    return multisine(
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        low_hz=settings.low_hz,
-        high_hz=settings.high_hz,
-        period_s=settings.period_s,
-        count=count,
-        start_s=settings.start_s,
-    )
+def _band_conflicts(settings: Dither | Multisine, place: str, control_hz: int) -> list[str]:
+    low_hz, high_hz = settings.low_hz, settings.high_hz
+    problems = band_conflicts(place, low_hz=low_hz, high_hz=high_hz, control_hz=control_hz)
+    if low_hz > high_hz:
+        return problems
+    found = len(harmonics(low_hz=low_hz, high_hz=high_hz, period_s=settings.period_s))
+    if not 1 <= found <= MOST_HARMONICS:
+        cure = "widen the band or lengthen the period" if found == 0 else "narrow the band or shorten the period"
+        problems.append(
+            f"{place}.period_s: the band from low_hz to high_hz must hold 1 to {MOST_HARMONICS} multiples of 1/period_s "
+            f"(got {found}); {cure}"
+        )
+    return problems

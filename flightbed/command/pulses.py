@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import numpy.typing as npt
 
 from flightbed.command.base import ROUND_OFF_S, Command, Vector
-from flightbed.config import kinds
-from flightbed.core.units import DEG
+from flightbed.config.kinds import ShapedCommand
+from flightbed.config.table import NonNegative, Positive
 
 
 def pulses(
@@ -34,12 +36,24 @@ def pulses(
     return command
 
 
-def build(settings: kinds.Command) -> Command:
-    """Hold amplitude_deg_s for period_s from start_s on: a rectangular build."""
-    return pulses(
-        [1],
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        period_s=settings.period_s,
-        count=1,
-        start_s=settings.start_s,
-    )
+def pulse_conflicts(key: str, value_s: float, *, pulses: int, control_hz: int) -> list[str]:
+    """Return the problem of a duration of ``pulses`` pulses of which each is shorter than a tick, one line; ``key`` is its place."""
+    if value_s * control_hz >= pulses - 1e-6:
+        return []
+    return [
+        f"{key}: must be at least {pulses / control_hz:g}, so that each pulse lasts at least one tick (got {value_s:g})"
+    ]
+
+
+class Pulse(ShapedCommand):
+    """One rectangular pulse of period_s."""
+
+    kind: Literal["pulse"] = "pulse"
+    period_s: Positive = 4.5
+    """Duration of the pulse."""
+    start_s: NonNegative = 0.0
+    """Start."""
+
+    def build(self, amplitude_rad_s: float) -> Command:
+        """Return the command over time."""
+        return pulses([1], amplitude_rad_s=amplitude_rad_s, period_s=self.period_s, count=1, start_s=self.start_s)

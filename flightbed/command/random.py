@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
 import numpy as np
 
-from flightbed.command.base import Command, Vector
-from flightbed.command.pulses import pulses
-from flightbed.config import kinds
-from flightbed.core.units import DEG
+from flightbed.command.base import Command, Count, Vector
+from flightbed.command.pulses import pulse_conflicts, pulses
+from flightbed.config.kinds import ShapedCommand, Surroundings
+from flightbed.config.table import NonNegative, Positive, between
 
 
 def inverse_repeat(register_bits: int) -> Vector:
@@ -54,13 +56,32 @@ def prbs(
     )
 
 
-def build(settings: kinds.Command) -> Command:
-    """Switch +-amplitude_deg_s pseudo-randomly, at most every switch_s; zero mean, count sequences."""
-    return prbs(
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        switch_s=settings.switch_s,
-        register_bits=settings.register_bits,
-        seed=settings.seed,
-        count=settings.count,
-        start_s=settings.start_s,
-    )
+class PseudoRandom(ShapedCommand):
+    """A pseudo-random binary sequence of zero mean that switches at most every switch_s, count times."""
+
+    kind: Literal["random"] = "random"
+    count: Count = 3
+    """Number of sequences; each lasts 2 (2^register_bits - 1) switch_s."""
+    start_s: NonNegative = 0.0
+    """Start."""
+    switch_s: Positive = 0.3
+    """Shortest time between two changes of sign."""
+    register_bits: Annotated[int, between(2, 12)] = 4
+    """Length of the shift register."""
+    seed: Annotated[int, between(0, 2**63 - 1)] = 0
+    """Cyclic shift of the sequence, in bits."""
+
+    def build(self, amplitude_rad_s: float) -> Command:
+        """Return the command over time."""
+        return prbs(
+            amplitude_rad_s=amplitude_rad_s,
+            switch_s=self.switch_s,
+            register_bits=self.register_bits,
+            seed=self.seed,
+            count=self.count,
+            start_s=self.start_s,
+        )
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:
+        """Return the problem of pulses shorter than a tick."""
+        return pulse_conflicts(f"{place}.switch_s", self.switch_s, pulses=1, control_hz=surroundings.control_hz)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from flightbed.command.base import Command
-from flightbed.command.pulses import pulses
-from flightbed.config import kinds
-from flightbed.core.units import DEG
+from typing import Literal
+
+from flightbed.command.base import Command, Count
+from flightbed.command.pulses import pulse_conflicts, pulses
+from flightbed.config.kinds import ShapedCommand, Surroundings
+from flightbed.config.table import NonNegative, Positive
 
 SIGNS = (1, 1, 1, -1, -1, 1, -1)
 
@@ -22,11 +24,23 @@ def three_two_one_one(*, amplitude_rad_s: float, period_s: float, count: int, st
     return pulses(SIGNS, amplitude_rad_s=amplitude_rad_s, period_s=period_s, count=count, start_s=start_s)
 
 
-def build(settings: kinds.Command) -> Command:
-    """Alternate pulses of +-amplitude_deg_s, 3, 2, 1 and 1 sevenths of period_s long, count sequences."""
-    return three_two_one_one(
-        amplitude_rad_s=settings.amplitude_deg_s * DEG,
-        period_s=settings.period_s,
-        count=settings.count,
-        start_s=settings.start_s,
-    )
+class ThreeTwoOneOne(ShapedCommand):
+    """Alternating pulses of 3, 2, 1 and 1 sevenths of period_s, count times."""
+
+    kind: Literal["3-2-1-1"] = "3-2-1-1"
+    period_s: Positive = 4.5
+    """Duration of a sequence."""
+    count: Count = 3
+    """Number of sequences."""
+    start_s: NonNegative = 0.0
+    """Start."""
+
+    def build(self, amplitude_rad_s: float) -> Command:
+        """Return the command over time."""
+        return three_two_one_one(
+            amplitude_rad_s=amplitude_rad_s, period_s=self.period_s, count=self.count, start_s=self.start_s
+        )
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:
+        """Return the problem of pulses shorter than a tick."""
+        return pulse_conflicts(f"{place}.period_s", self.period_s, pulses=7, control_hz=surroundings.control_hz)

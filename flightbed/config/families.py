@@ -22,41 +22,45 @@ from flightbed.core.errors import ExtensionError, UnknownNameError
 _BUILT_IN = MappingProxyType(
     {
         "commands": {
-            "doublet": "flightbed.command.doublet:build",
-            "3-2-1-1": "flightbed.command.three_two_one_one:build",
-            "chirp": "flightbed.command.chirp:build",
-            "multisine": "flightbed.command.multisine:build",
-            "random": "flightbed.command.random:build",
-            "dither": "flightbed.command.multisine:build_dither",
-            "constant": "flightbed.command.constant:build",
-            "pulse": "flightbed.command.pulses:build",
-            "none": "flightbed.command.constant:build_none",
+            "doublet": "flightbed.command.doublet:Doublet",
+            "3-2-1-1": "flightbed.command.three_two_one_one:ThreeTwoOneOne",
+            "chirp": "flightbed.command.chirp:Chirp",
+            "multisine": "flightbed.command.multisine:Multisine",
+            "random": "flightbed.command.random:PseudoRandom",
+            "dither": "flightbed.command.multisine:Dither",
+            "constant": "flightbed.command.constant:Constant",
+            "pulse": "flightbed.command.pulses:Pulse",
+            "none": "flightbed.command.constant:Silent",
         },
         "laws": {
-            "proportional": "flightbed.control.proportional:build",
-            "proportional-integral": "flightbed.control.proportional_integral:build",
-            "lq": "flightbed.control.redesign:build",
-            "nz-adaptive": "flightbed.control.load_factor.adaptive:build",
-            "nz-scheduled": "flightbed.control.load_factor.scheduled:build",
+            "proportional": "flightbed.control.proportional:ProportionalSettings",
+            "proportional-integral": "flightbed.control.proportional_integral:ProportionalIntegralSettings",
+            "lq": "flightbed.control.redesign:LqSettings",
+            "nz-adaptive": "flightbed.control.load_factor.adaptive:NzAdaptiveSettings",
+            "nz-scheduled": "flightbed.control.load_factor.scheduled:NzScheduledSettings",
         },
         "failures": {
-            "effectiveness": "flightbed.failures.surface:build_effectiveness",
-            "ramp": "flightbed.failures.surface:build_ramp",
-            "structural": "flightbed.failures.surface:build_structural",
-            "cg-shift": "flightbed.failures.cg_shift:build",
-            "stuck": "flightbed.failures.surface:build_stuck",
-            "floating": "flightbed.failures.surface:build_floating",
-            "hardover": "flightbed.failures.surface:build_hardover",
-            "rate-limit": "flightbed.failures.surface:build_rate_limit",
-            "bias": "flightbed.failures.surface:build_bias",
+            "effectiveness": "flightbed.failures.surface:EffectivenessLoss",
+            "ramp": "flightbed.failures.surface:Ramp",
+            "structural": "flightbed.failures.surface:StructuralDamage",
+            "cg-shift": "flightbed.failures.cg_shift:CgShift",
+            "stuck": "flightbed.failures.surface:Stuck",
+            "floating": "flightbed.failures.surface:Floating",
+            "hardover": "flightbed.failures.surface:Hardover",
+            "rate-limit": "flightbed.failures.surface:RateLimit",
+            "bias": "flightbed.failures.surface:Bias",
+        },
+        "gusts": {
+            "1-cos": "flightbed.plant.gusts:OneMinusCosine",
+            "sine": "flightbed.plant.gusts:Sine",
         },
         "estimators": {
-            "loop-gain": "flightbed.estimation.loop_gain.estimator:build",
-            "differentiated-rls": "flightbed.estimation.differentiated_rls:build",
-            "two-stage": "flightbed.estimation.two_stage.estimator:build",
-            "plid": "flightbed.estimation.plid.estimator:build",
-            "retrospective-cost": "flightbed.estimation.reconstruction.kinds:retrospective_cost",
-            "input-kalman": "flightbed.estimation.reconstruction.kinds:input_kalman",
+            "loop-gain": "flightbed.estimation.loop_gain.estimator:LoopGainSettings",
+            "differentiated-rls": "flightbed.estimation.differentiated_rls:DifferentiatedRlsSettings",
+            "two-stage": "flightbed.estimation.two_stage.estimator:TwoStageSettings",
+            "plid": "flightbed.estimation.plid.estimator:PlidSettings",
+            "retrospective-cost": "flightbed.estimation.reconstruction.kinds:RetrospectiveCostSettings",
+            "input-kalman": "flightbed.estimation.reconstruction.kinds:InputKalmanSettings",
         },
         "studies": {
             "estimators": "flightbed.studies.estimators.study:estimators",
@@ -103,6 +107,11 @@ def names(family: str) -> tuple[str, ...]:
     return tuple(sorted({*_BUILT_IN[family], *_installed(family), *in_use()}))
 
 
+def built_in(family: str) -> tuple[str, ...]:
+    """Return the sorted names of the built-in members of a family."""
+    return tuple(sorted(_BUILT_IN[family]))
+
+
 def is_built_in(family: str, name: str) -> bool:
     """Return whether a name is built in."""
     return name in _BUILT_IN[family]
@@ -111,6 +120,13 @@ def is_built_in(family: str, name: str) -> bool:
 def is_taken(family: str, name: str) -> bool:
     """Return whether a name is built in or registered by an installed package."""
     return name in _BUILT_IN[family] or name in _installed(family)
+
+
+def installed_module(family: str, name: str) -> str | None:
+    """Return the module of a factory that an installed package registers; None for other names."""
+    if is_built_in(family, name) or name not in _installed(family):
+        return None
+    return str(_installed(family)[name].module)
 
 
 def in_use() -> Mapping[str, Permitted]:

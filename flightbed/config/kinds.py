@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
+from flightbed.config import families
+from flightbed.config.family import Family
 from flightbed.config.table import (
     Identifier,
+    ModelWrapValidatorHandler,
     NonNegative,
     OwnSettings,
     Positive,
@@ -15,258 +18,422 @@ from flightbed.config.table import (
     Settings,
     Share,
     between,
+    example,
     model_validator,
-    registered,
 )
-from flightbed.core.units import DEG
+from flightbed.core.units import DEG, unit_of
 
 
-class Identification(Settings):
-    """Online identification of the law nz-adaptive: PLID's prior and noise variances (g^2), and filters of gains and command (rad/s).
+class Surroundings(NamedTuple):
+    """Settings of a scenario on which checks of its kinds depend."""
 
-    Kemp's thesis uses prior = "thesis", prior_var = 1 and neither filter.
-    """
-
-    prior: Literal["linearization", "thesis"] = "linearization"
-    prior_var: Positive = 1e-3
-    process_var: Positive = 0.01
-    output_var: NonNegative = 1e-8
-    block_fade: Annotated[float, between(1, 2)] = 1.001
-    form: Literal["factored", "plain"] = "factored"
-    precision: Literal["double", "single"] = "double"
-    patience: Annotated[int, between(0, 100000)] = 0
-    gain_filter_rad_s: NonNegative = 5.0
-    command_filter_rad_s: NonNegative = 0.0
+    control_hz: int
+    lateral: bool  # aileron and rudder are commanded
+    in_g: bool  # the command is a load factor
+    law: str  # of pitch
 
 
-class Autothrottle(Settings):
-    """Bang-bang autothrottle of flights commanded in g; it holds the initial true airspeed.
+class Kind(Settings):
+    """Base class of the settings of a kind; the keys of a subclass are those of one kind."""
 
-    With then_fps > 0 it holds then_fps (ft/s) from then_at_s on. Throttle settings are normalized, 0 to 1.
-    """
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:  # noqa: ARG002
+        """Return conflicts between keys, one line each, as "place.key: problem (got value)"; ``place`` is that of the table."""
+        return []
 
-    enabled: bool = False
-    low_norm: Share = 0.1
-    high_norm: Share = 1.0
-    then_fps: NonNegative = 0.0
-    then_at_s: NonNegative = 0.0
-
-
-LOAD_FACTOR_LAWS = ("nz-adaptive", "nz-scheduled")  # commanded in g
+    def idle(self, place: str, surroundings: Surroundings) -> dict[str, str]:  # noqa: ARG002
+        """Return key without effect -> the setting outside this table that disables it. ``only_with`` states those inside it."""
+        return {}
 
 
-class _Shape(OwnSettings):
-    kind: Annotated[str, registered("commands")] = "doublet"
-    period_s: Positive = 4.5
-    count: Annotated[int, between(0, 10000)] = 3
-    start_s: NonNegative = 0.0
-    low_hz: NonNegative = 0.2
-    high_hz: Positive = 2.0
-    switch_s: Positive = 0.3
-    register_bits: Annotated[int, between(2, 12)] = 4
-    seed: Annotated[int, between(0, 2**63 - 1)] = 0
+AMPLITUDES = ("amplitude_deg_s", "amplitude_g", "amplitude_deg")  # of a rate, of a load factor, of an angle
+
+
+class CommandSettings(Kind):
+    """A command over time, and its prefilter w/(s + w)."""
+
+    kind: str = "doublet"
+    """Shape over time."""
     filter_rad_s: NonNegative = 3.0
+    """Bandwidth w of the prefilter; 0 passes the command unfiltered."""
+
+    def build(self, amplitude_rad_s: float) -> Any:
+        """Return the command over time with this amplitude: a function from times, s, to values in the unit of the amplitude, arrays."""
+        raise NotImplementedError
+
+    def rate(self) -> Any:
+        """Return the commanded rate over time, rad/s."""
+        return self.build(0.0)
+
+    def load_factor(self) -> Any:
+        """Return the commanded increment of the load factor over time, g."""
+        return self.build(0.0)
+
+    def angle(self) -> Any:
+        """Return the commanded angle over time, rad."""
+        return self.build(0.0)
+
+    def in_words(self, amplitude: str) -> str:
+        """Return kind, keys and prefilter in words; ``amplitude`` is the key of AMPLITUDES that acts."""
+        used = self._used(amplitude)
+        suffixes = {"deg/s": "_deg_s", "deg": "_deg", "s": "_s", "Hz": "_hz", "g": "_g"}
+        words = [self.kind]
+        for key, value in sorted(used.items(), key=lambda item: not item[0].startswith("amplitude")):
+            unit = unit_of(key) if unit_of(key) in suffixes else ""
+            shown = f"{value:g}" if isinstance(value, float) else str(value)
+            words.append(f"{key.removesuffix(suffixes.get(unit, '')).replace('_', ' ')} {shown} {unit}".strip())
+        return f"{', '.join(words)}; prefilter {self.filter_rad_s:g} rad/s"
+
+    def _used(self, amplitude: str) -> dict[str, Any]:
+        """Return the keys that ``in_words`` lists."""
+        left_out = {"kind", "filter_rad_s", *AMPLITUDES} - {amplitude}
+        return self.model_dump(exclude=left_out)
 
 
-class _RateCommand(_Shape):
+class ShapedCommand(CommandSettings):
+    """A command with an amplitude; each place has one of the amplitudes, the pitch command two of them."""
+
     amplitude_deg_s: float = 5.0
-
-    @model_validator(mode="before")
-    @classmethod
-    def _small_dither(cls, raw: Any) -> Any:
-        return {"amplitude_deg_s": 0.5, **raw} if isinstance(raw, Mapping) and raw.get("kind") == "dither" else raw
-
-
-class Command(_RateCommand):
-    """Pitch-rate or load-factor command and its prefilter w/(s+w); each kind ignores the keys that it does not need."""
-
+    """Peak of a commanded rate."""
     amplitude_g: float = 1.0
-
-    def in_g(self) -> Command:
-        """Return a command whose pitch rate in rad/s equals this command's increment in g."""
-        return self.model_copy(update={"amplitude_deg_s": self.amplitude_g / DEG})
-
-
-class RollCommand(_RateCommand):
-    """Roll-rate command and its prefilter, with the keys of Command; the default kind is "none"."""
-
-    kind: Annotated[str, registered("commands")] = "none"
-
-    def as_command(self) -> Command:
-        """Return the equivalent Command."""
-        return Command(**{key: getattr(self, key) for key in _RateCommand.model_fields})
-
-
-class SideslipCommand(_Shape):
-    """Sideslip command in degrees and its prefilter, with the shapes of Command; the default kind is "none"."""
-
-    kind: Annotated[str, registered("commands")] = "none"
+    """Peak of a commanded load factor: increment over level flight, up positive."""
     amplitude_deg: float = 2.0
+    """Peak of a commanded angle."""
 
-    def as_command(self) -> Command:
-        """Return a Command whose pitch rate in deg/s equals this sideslip in deg."""
-        shape = {key: getattr(self, key) for key in _Shape.model_fields}
-        return Command(**shape, amplitude_deg_s=self.amplitude_deg)
+    def rate(self) -> Any:
+        """Return the commanded rate over time, rad/s."""
+        return self._made(self.amplitude_deg_s)
+
+    def load_factor(self) -> Any:
+        """Return the commanded increment of the load factor over time, g."""
+        return self._made(self.amplitude_g / DEG)
+
+    def angle(self) -> Any:
+        """Return the commanded angle over time, rad."""
+        return self._made(self.amplitude_deg)
+
+    def _made(self, amplitude_deg_s: float) -> Any:
+        return self.build(amplitude_deg_s * DEG)
+
+    def idle(self, place: str, surroundings: Surroundings) -> dict[str, str]:
+        """Return the amplitude of the pitch command that does not act: the law is commanded either in deg/s or in g."""
+        if place != "command":
+            return {}
+        key = "amplitude_deg_s" if surroundings.in_g else "amplitude_g"
+        return {f"{place}.{key}": f"control.law = '{surroundings.law}'"}
 
 
-class GustSettings(Settings):
-    """Vertical gust, up positive, from at_s on: a 1-cos rise to the peak, a hold and a mirrored fall; or a sine."""
+class PlainCommand(OwnSettings, ShapedCommand):
+    """A command of own code: a function (settings) -> command over time; ``settings.amplitude_deg_s`` is its amplitude in every place."""
 
-    shape: Literal["1-cos", "sine"] = "1-cos"
-    at_s: NonNegative
-    up_fps: Annotated[float, between(-500, 500)]
-    rise_s: Positive = 1.0
-    hold_s: NonNegative = 0.0
-    frequency_hz: Positive = 1.0
+    start_s: NonNegative = 0.0
+    """Start."""
+    period_s: Positive = 4.5
+    """Period."""
+    count: Annotated[int, between(0, 10000)] = 3
+    """Number of periods."""
+
+    def build(self, amplitude_rad_s: float) -> Any:
+        """Return the command over time."""
+        return self._made(amplitude_rad_s / DEG)
+
+    def idle(self, place: str, surroundings: Surroundings) -> dict[str, str]:  # noqa: ARG002
+        """Return nothing: which keys the code reads is not known."""
+        return {}
+
+    def _made(self, amplitude_deg_s: float) -> Any:
+        given = self.model_copy(update={"amplitude_deg_s": amplitude_deg_s})
+        return families.factory("commands", self.kind)(given)
+
+    def _used(self, amplitude: str) -> dict[str, Any]:  # noqa: ARG002
+        """Return the keys that are set, and the options: which keys the code reads is not known."""
+        written = self.model_dump(include=self.model_fields_set - {"kind", "filter_rad_s", "options"})
+        return {**written, **self.options}
 
 
-class Failure(OwnSettings):
-    """A failure from at_s on; ``scenario/checks.py`` lists the keys that each kind needs or ignores."""
+COMMANDS = Family("commands", CommandSettings, PlainCommand, default="doublet", without=("amplitude_deg",))
+ROLL_COMMANDS = Family(
+    "commands", CommandSettings, PlainCommand, default="none", without=("amplitude_g", "amplitude_deg")
+)
+SIDESLIP_COMMANDS = Family(
+    "commands", CommandSettings, PlainCommand, default="none", without=("amplitude_g", "amplitude_deg_s")
+)
 
-    kind: Annotated[str, registered("failures")] = "effectiveness"
+
+class GustSettings(Kind):
+    """A vertical gust."""
+
+    shape: str = "1-cos"
+    """Shape over time."""
+    at_s: Annotated[NonNegative, example(4.5)]
+    """Start."""
+    up_fps: Annotated[float, between(-500, 500), example(20.0)]
+    """Vertical speed of the air at the peak, up positive."""
+
+    def build(self, before: Any) -> Any:
+        """Return the vertical speed of the air over time, m/s, with this gust added to the function ``before``."""
+        raise NotImplementedError
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``, as in "at 2 s a gust ..."."""
+        return f"the gust '{self.shape}' begins"
+
+
+class PlainGust(OwnSettings, GustSettings):
+    """A gust of own code: a function (settings, before) -> vertical speed of the air over time."""
+
+    def build(self, before: Any) -> Any:
+        """Return the vertical speed of the air over time, m/s, with this gust added."""
+        return families.factory("gusts", self.shape)(self, before)
+
+
+GUSTS = Family("gusts", GustSettings, PlainGust, key="shape", default="1-cos")
+
+
+class FailureSettings(Kind):
+    """A failure from at_s on."""
+
+    kind: str = "effectiveness"
+    """Kind of failure."""
+    at_s: Annotated[NonNegative, example(4.5)]
+    """Onset; the failure acts from the first tick at or after it."""
+
+    @property
+    def actuator(self) -> str | None:
+        """Surface whose actuator is faulty; None for other failures."""
+        return None
+
+    @property
+    def actuator_property(self) -> str | None:
+        """Property of the overlay through which the fault of the actuator acts, such as "elevator_stuck"; None for other failures."""
+        return None
+
+    @property
+    def moves_cg(self) -> bool:
+        """Whether the c.g. moves in flight."""
+        return False
+
+    def build(self, before: Any, control_hz: int) -> Any:
+        """Return the health as a function of the tick, with this failure added to the function ``before``."""
+        raise NotImplementedError
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``, as in "at 3 s the elevator ..."."""
+        return f"the failure '{self.kind}' begins"
+
+
+class SurfaceFailure(FailureSettings):
+    """A failure of a control surface."""
+
     surface: Literal["elevator", "aileron", "rudder"] = "elevator"
-    at_s: NonNegative
+    """Surface that fails; aileron and rudder need lateral.enabled."""
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:
+        """Return the problem of a surface that the flight computer does not command."""
+        if self.surface == "elevator" or surroundings.lateral:
+            return []
+        return [
+            f"{place}.surface: the stock laws control aileron and rudder (got '{self.surface}'); set lateral.enabled to true"
+        ]
+
+
+class PlainFailure(OwnSettings, SurfaceFailure):
+    """A failure of own code: a function (settings, before, control_hz) -> health as a function of the tick."""
+
     to: Share = 1.0
-    force_to: Share = 1.0
-    over_s: Positive = 2.0
-    side: Literal["low", "high"] = "high"
-    bias_deg: Annotated[float, between(-60, 60)] = 0.0
-    shift_cbar: Annotated[float, between(-0.5, 0.5)] = 0.0
+    """Remaining share."""
+
+    def build(self, before: Any, control_hz: int) -> Any:
+        """Return the health as a function of the tick, with this failure added."""
+        return families.factory("failures", self.kind)(self, before, control_hz)
 
 
-class GainSettings(Settings):
-    """Given gains of the pitch law, with the signs of ``control.base.Gains``."""
-
-    alpha: float
-    q_s: float
-    elevator: float
-    reference_s: float
-    integral: float = 0.0
+FAILURES = Family("failures", FailureSettings, PlainFailure, default="effectiveness")
 
 
-class PitchWeights(Settings):
-    """Weights of the law lq by Bryson's rule: these deviations of alpha, q and elevator cost the same."""
+class LawSettings(Kind):
+    """A control law. It reads the sensors, or alpha and q of an estimator."""
 
-    alpha_deg: Positive = 3.0
-    q_deg_s: Positive = 3.0
-    elevator_deg: Positive = 3.0
+    in_g: ClassVar[bool] = False  # the command is a load factor in g; otherwise a pitch rate
+    can_redesign: ClassVar[bool] = False  # the gains can be computed again for another K, see ``gains_at``
+    identifies: ClassVar[bool] = False  # the law identifies its own model, so no estimator corrects it
+    reads_accelerometer: ClassVar[bool] = True
 
-
-class Control(OwnSettings):
-    """The control law; without poles and gains it is designed near the poles of Sillence's Table 3 (see docs/control.md).
-
-    The law reads the sensors, or alpha and q of the estimator named by ``state_from``.
-    """
-
-    law: Annotated[str, registered("laws")] = "proportional"
-    poles: tuple[tuple[float, float], ...] | None = None
-    integral_pole_rad_s: Annotated[float, between(-100.0, -1e-6)] = -0.5
-    gains: GainSettings | None = None
-    weights: PitchWeights = PitchWeights()
-    identification: Identification = Identification()
-    autothrottle: Autothrottle = Autothrottle()
+    law: str = "proportional"
+    """Name of the law."""
     state_from: str = ""
+    """Name of the estimator that supplies alpha and q of the law; empty: the readings."""
+
+    @property
+    def times(self) -> Mapping[str, float]:
+        """Key -> its time in s, of the keys that act at a time of the flight."""
+        return {}
+
+    def build(self, design: Any, control_hz: int) -> Any:
+        """Return a new law: a ``control.base.Law`` for a short period, or with ``in_g`` a ``LoadFactorLaw`` for a LoadFactorDesign.
+
+        Raises:
+            DesignError: the law cannot be designed.
+
+        """
+        raise NotImplementedError
+
+    def gains_at(self, design: Any, control_hz: int, effectiveness: float) -> Any:
+        """Return the ``control.base.Gains`` of a law with ``can_redesign`` at a given K. Raises DesignError."""
+        raise NotImplementedError
+
+    def throttle(self, *, airspeed_m_s: float, control_hz: int) -> Any:  # noqa: ARG002
+        """Return the autothrottle of a law with ``in_g``; None if the throttle stays at trim."""
+        return None
+
+
+class PoleSettings(LawSettings):
+    """A law that is designed by pole placement."""
+
+    poles: tuple[tuple[float, float], ...] | None = None
+    """Three poles of the closed loop, [re, im] in rad/s, in the left half plane, instead of those of docs/control.md."""
 
     @model_validator(mode="after")
-    def _stable(self) -> Control:
+    def _stable(self) -> Self:
         if self.poles is not None and any(real >= 0.0 for real, _ in self.poles):
             raise PydanticCustomError(
                 "poles", "poles must lie in the left half plane (got {p})", {"p": [list(pole) for pole in self.poles]}
             )
         return self
 
+    def wanted_poles(self) -> list[complex] | None:
+        """Return the poles, rad/s; None for the default poles."""
+        return None if self.poles is None else [complex(re, im) for re, im in self.poles]
 
-class Prior(Settings):
-    """Prior of a filter; state = "measurement" initializes alpha and q from the readings.
 
-    A fixed state is the prior at the first sample of the filter; ``first_reading`` decides whether the reading of that sample corrects it.
+class GainSettings(Settings):
+    """Given gains of the pitch law, with the signs of ``control.base.Gains``."""
+
+    alpha: float
+    """Gain of the angle of attack."""
+    q_s: float
+    """Gain of the pitch rate."""
+    elevator: float
+    """Gain of the elevator's position."""
+    reference_s: float
+    """Gain of the reference."""
+
+
+class IntegralGainSettings(GainSettings):
+    """Given gains of the pitch law with an integral."""
+
+    integral: float = 0.0
+    """Gain of the integral of reference minus pitch rate."""
+
+
+class GainOrPoleSettings(PoleSettings):
+    """A law with given gains, or designed by pole placement."""
+
+    gains: GainSettings | None = None
+    """Gains, which replace the design."""
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:  # noqa: ARG002
+        """Return the problem of gains together with poles."""
+        if self.gains is None or self.poles is None:
+            return []
+        return [f"{place}.poles: cannot be combined with {place}.gains, which replace the design; give one of them"]
+
+
+class PlainLaw(GainOrPoleSettings, OwnSettings):
+    """A law of own code: a class or function (settings, design, control_hz) -> Law."""
+
+    gains: IntegralGainSettings | None = None
+
+    def build(self, design: Any, control_hz: int) -> Any:
+        """Return a new law."""
+        return families.factory("laws", self.law)(self, design, control_hz)
+
+
+LAWS = Family("laws", LawSettings, PlainLaw, key="law", default="proportional")
+
+
+class EffectivenessPrior(Settings):
+    """Prior of the effectiveness K."""
+
+    effectiveness: Share = 1.0
+    """Mean of K."""
+    effectiveness_std: Positive = 0.63
+    """Standard deviation of K."""
+
+
+class EstimatorSettings(Kind):
+    """One estimator; several may run side by side, at most one corrects the law.
+
+    A subclass has ``kind: Literal["..."]``, or no further ``kind`` in code outside flightbed, its own keys, and ``build``.
     """
 
-    state: Literal["measurement", "fixed"] = "measurement"
-    first_reading: Literal["left-out", "used"] = "left-out"
-    alpha_deg: float = 0.0
-    q_deg_s: float = 0.0
-    alpha_std_deg: Positive = 1.0
-    q_std_deg_s: Positive = 1.0
-    effectiveness: Share = 1.0
-    effectiveness_std: Positive = 0.63
-
-
-# Defaults of a loop-gain estimator that depend on its model. On the short period they are those of Sillence's thesis.
-_BY_MODEL = MappingProxyType(
-    {
-        "short-period": MappingProxyType(
-            {
-                "alarm_threshold": 0.0,
-                "follow_disturbances": False,
-                "hold_std": 0.0,
-                "alpha_disturbance_deg_s": 0.6,
-                "q_disturbance_deg_s2": 6.0,
-            }
-        )
-    }
-)
-
-
-# Defaults that depend on the kind: the two-stage filter has no window, and its test averages few samples; the test of a reconstruction
-# averages more.
-_BY_KIND = MappingProxyType(
-    {
-        "two-stage": MappingProxyType({"memory": "variable", "window": 3}),
-        "retrospective-cost": MappingProxyType({"window": 45}),
-        "input-kalman": MappingProxyType({"window": 45}),
-    }
-)
-
-
-class EstimatorSettings(OwnSettings):
-    """One estimator; several may run side by side, at most one corrects the law. Some defaults depend on the kind and the model."""
+    on_short_period: ClassVar[Mapping[str, Any]] = MappingProxyType({})  # defaults with model = "short-period"
+    reads_accelerometer: ClassVar[bool] = True
 
     name: Identifier
-    kind: Annotated[str, registered("estimators")] = "loop-gain"
+    """Name in ``adaptation.estimator``, the trace and the reports."""
+    kind: str = "loop-gain"
+    """Algorithm."""
     model: Literal["scheduled", "short-period"] = "scheduled"
-    input: Literal["absolute", "deviation"] = "absolute"
-    input_at: Literal["mean", "start", "end"] = "mean"
-    memory: Literal["window", "expanding", "fading", "variable"] = "window"
-    window: Annotated[int, between(2, 10000)] = 30
-    forgetting: Annotated[float, between(0.5, 1)] = 0.98
+    """Model on board: the schedule over Mach number and angle of attack, or the short period at the trim point."""
     smoothing: Annotated[float, between(0, 0.9999)] = 0.9
+    """s of the smoothed K-hat, s times the last one plus 1 - s times K-hat; it starts at 1."""
     bounds: tuple[float, float] = (0.0, 1.0)
-    alarm_threshold: NonNegative = 30.0
-    follow_disturbances: bool = True
-    hold_std: NonNegative = 0.3
-    alpha_disturbance_deg_s: NonNegative = 0.05
-    q_disturbance_deg_s2: NonNegative = 0.3
-    beta_disturbance_deg_s: NonNegative = 0.05
-    p_disturbance_deg_s2: NonNegative = 1.0
-    r_disturbance_deg_s2: NonNegative = 0.3
-    variance_min: Positive = 2e-5
-    variance_max: Positive = 1.0
-    walk_std: NonNegative = 1e-4
-    false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-6
-    block_fade: Annotated[float, between(1, 2)] = 1.01
-    form: Literal["factored", "plain"] = "factored"
-    precision: Literal["double", "single"] = "double"
-    unknown: Literal["elevator", "gust"] = "elevator"
-    order: Annotated[int, between(1, 20)] = 4
-    horizon: Annotated[int, between(1, 20)] = 6
-    regularization: NonNegative = 1.0
-    initial_covariance: Positive = 0.01
-    input_forgetting: Annotated[float, between(0.5, 1)] = 1.0
-    saturation_deg: Positive = 30.0
-    input_step_deg: Positive = 0.1
-    offset_deg: Positive = 0.3
-    prior: Prior = Prior()
+    """Least and greatest K-hat."""
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _by_model(cls, raw: Any) -> Any:
-        if not isinstance(raw, Mapping):
-            return raw
-        return {**_BY_MODEL.get(str(raw.get("model")), {}), **_BY_KIND.get(str(raw.get("kind")), {}), **raw}
+    def _by_model(cls, raw: Any, read: ModelWrapValidatorHandler[Self]) -> Self:
+        if not isinstance(raw, Mapping) or raw.get("model") != "short-period":
+            return read(raw)
+        more = {key: value for key, value in cls.on_short_period.items() if key not in raw}
+        made = read({**raw, **more})
+        made.model_fields_set.difference_update(more)  # these are defaults
+        return made
 
     @model_validator(mode="after")
-    def _ordered(self) -> EstimatorSettings:
+    def _ordered(self) -> Self:
         if self.bounds[0] >= self.bounds[1]:
             raise PydanticCustomError("bounds", "bounds must rise (got {b})", {"b": list(self.bounds)})
         return self
+
+    @property
+    def needs_schedule(self) -> bool:
+        """Whether the model on board is the schedule, which a linear aircraft does not have."""
+        return self.model == "scheduled"
+
+    @property
+    def detects_changes(self) -> bool:
+        """Whether it has a test for a change of K."""
+        return False
+
+    @property
+    def corrects(self) -> bool:
+        """Whether it estimates the elevator's effectiveness, so that its estimate can correct the law."""
+        return True
+
+    @property
+    def constant_over(self) -> int | None:
+        """Ticks over which it takes K as constant, for the Cramer-Rao bound beside its errors; None: all since the start."""
+        return 30
+
+    def estimates(self, *, lateral: bool) -> tuple[str, ...]:  # noqa: ARG002
+        """Return the surfaces whose effectiveness it estimates; ``lateral``: aileron and rudder are commanded."""
+        return ("elevator",)
+
+    def build(self, onboard: Any) -> Any:
+        """Return the estimator, an ``estimation.base.Estimator`` or ``SurfacesEstimator``, for an ``avionics.onboard.OnBoard``."""
+        raise NotImplementedError
+
+
+class PlainEstimator(OwnSettings, EstimatorSettings):
+    """An estimator of own code: a class or function (settings, onboard) -> object with ``update``."""
+
+    prior: EffectivenessPrior = EffectivenessPrior()
+    """Prior of K."""
+
+    def build(self, onboard: Any) -> Any:
+        """Return the estimator."""
+        return families.factory("estimators", self.kind)(self, onboard)
+
+
+ESTIMATORS = Family("estimators", EstimatorSettings, PlainEstimator, default="loop-gain")

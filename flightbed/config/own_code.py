@@ -9,21 +9,24 @@ from __future__ import annotations
 import hashlib
 import importlib
 import inspect
+import os
 import pickle
 import re
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
+from functools import cache, partial
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from flightbed.config import families
+from flightbed.config.table import Settings
 from flightbed.config.tracebacks import constructor_message, error_line, location
 from flightbed.core.errors import ExtensionError, FlightbedError, did_you_mean
+from flightbed.core.sources import digest, imports_sha256
 
 if TYPE_CHECKING:
     pass
@@ -40,9 +43,11 @@ class Extension:
 
     Attributes:
         name: its name in scenarios.
-        factory: builds an estimator, law, failure or command from the arguments of the built-in factories of its family.
+        factory: builds an estimator, law, failure or command from its settings and the further arguments of its family, or is the class
+            of these settings, with a method ``build`` that takes the further arguments.
         sha256: hash of its source file at loading; None without a file, as in a notebook.
         files: source files of its traceback frames.
+        imports: path -> hash of the files that its source file imports from its own folder or package, directly or through others.
 
     """
 
@@ -50,13 +55,19 @@ class Extension:
     factory: Callable[..., Any]
     sha256: str | None
     files: frozenset[str]
+    imports: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        """Return the hashes of its sources: what a fingerprint holds of it."""
+        return {"sha256": self.sha256, "imports": dict(self.imports)}
 
     def maker(self, family: str) -> Callable[..., Any]:
         """Return the factory for a family; it checks the product, and its errors name the user's file and line."""
 
         def make(*arguments: Any) -> Any:
             try:
-                made = self.factory(*arguments)
+                made = arguments[0].build(*arguments[1:]) if _is_settings(self.factory) else self.factory(*arguments)
             except FlightbedError:
                 raise
             except Exception as error:
@@ -74,9 +85,9 @@ class Extension:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the code: by name, or, for an object given in Python, by its import location."""
         if ":" in self.name:
-            return Packed, (self.name, None, self.sha256)
+            return Packed, (self.name, None, self.sha256, dict(self.imports))
         try:
-            return Packed, (self.name, pickle.dumps(self.factory), self.sha256)
+            return Packed, (self.name, pickle.dumps(self.factory), self.sha256, dict(self.imports))
         except Exception as error:
             raise ExtensionError(
                 f"own code {self.name}: cannot be sent to other processes ({error_line(error)}); put it in a file and name it "
@@ -91,6 +102,7 @@ class Packed:
     name: str
     pickled: bytes | None
     sha256: str | None
+    imports: Mapping[str, str] = field(hash=False)
 
     def unpack(self) -> Extension:
         """Load the code. Raises ExtensionError if it cannot be loaded, or if its file has changed since it was packed."""
@@ -99,6 +111,11 @@ class Packed:
             raise ExtensionError(
                 f"own code {self.name}: its file has changed since the flights began; start the flights again"
             )
+        for file, sha256 in self.imports.items():
+            if found.imports.get(file) != sha256:
+                raise ExtensionError(
+                    f"own code {self.name}: {file}, which it imports, has changed since the flights began; start the flights again"
+                )
         return found
 
     def _load_factory(self) -> Extension:
@@ -167,9 +184,12 @@ def load(name: str) -> Extension:
     source: bytes | None
     if place.endswith(".py"):
         module, source = _from_file(name, Path(place).expanduser())
+        file = Path(place).expanduser()
+        imports = imports_sha256(file, source, (file.resolve().parent, Path.cwd()))
     else:
         module = _from_module(name, place)
         source = _read(getattr(module, "__file__", None))
+        imports = module_imports(module, source)
     found: Any = module
     for part in attribute.split("."):
         if not hasattr(found, part):
@@ -182,7 +202,24 @@ def load(name: str) -> Extension:
             f"own code {name}: is a {type(found).__name__}, which is not callable; name a class or a function"
         )
     sha256 = None if source is None else hashlib.sha256(source).hexdigest()
-    return Extension(name, found, sha256, _files(found) | {str(getattr(module, "__file__", ""))})
+    return Extension(name, found, sha256, _files(found) | {str(getattr(module, "__file__", ""))}, imports)
+
+
+def module_imports(module: ModuleType, source: bytes | None) -> Mapping[str, str]:
+    """Return path -> SHA-256 of the files that a module imports from its own package, or from its folder if that is not an installation.
+
+    Args:
+        module: the module.
+        source: content of its file; None without a file.
+
+    """
+    if source is None or not str(module.__file__).endswith(".py"):
+        return {}
+    file, parts = Path(str(module.__file__)).resolve(), module.__name__.split(".")
+    depth = len(parts) - (0 if file.name == "__init__.py" else 1)
+    root = file.parent if module.__name__ == "__main__" or depth >= len(file.parents) else file.parents[depth]
+    installed = {"site-packages", "dist-packages"} & set(root.parts) or root == Path(os.__file__).resolve().parent
+    return imports_sha256(file, source, (root,), only=parts[0] if installed else None)
 
 
 def _from_object(name: str, factory: Callable[..., Any]) -> Extension:
@@ -203,7 +240,26 @@ def _from_object(name: str, factory: Callable[..., Any]) -> Extension:
     except (TypeError, OSError):
         source = None
     sha256 = None if source is None else hashlib.sha256(source).hexdigest()
-    return Extension(name, factory, sha256, _files(factory))
+    module = sys.modules.get(_subject(factory).__module__)
+    imports = {} if module is None or getattr(module, "__file__", None) is None else module_imports(module, source)
+    return Extension(name, factory, sha256, _files(factory), imports)
+
+
+@cache
+def installed_sha256(family: str, name: str) -> str | None:
+    """Return the hash of the sources of an installed kind: of its module and of all that this imports from its own package.
+
+    None for a kind that is not installed by another package, and for one without a source file.
+    """
+    place = families.installed_module(family, name)
+    if place is None:
+        return None
+    module = importlib.import_module(place)
+    source = _read(getattr(module, "__file__", None))
+    if source is None:
+        return None
+    imports = module_imports(module, source)
+    return digest({"": source, **{path: sha256.encode() for path, sha256 in imports.items()}})
 
 
 def _from_file(name: str, path: Path) -> tuple[ModuleType, bytes]:
@@ -267,6 +323,10 @@ def _attribute_problem(name: str, module: ModuleType, part: str, known: Sequence
             f"directory, name it {beside}:{attribute}"
         )
     return f"own code {name}: {file} has no '{part}'{did_you_mean(part, known) or '; check the name'}"
+
+
+def _is_settings(factory: Any) -> bool:
+    return isinstance(factory, type) and issubclass(factory, Settings)
 
 
 def _subject(factory: Any) -> Any:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import ClassVar, Literal
+
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.config import kinds
+from flightbed.config.kinds import GainOrPoleSettings, GainSettings
 from flightbed.control.base import Gains, Law
 from flightbed.control.design import design_proportional
 from flightbed.core.compiled import compiled, plain
@@ -38,20 +40,22 @@ class Proportional:
         )  # fmt: skip
 
 
-def wanted_poles(settings: kinds.Control) -> list[complex] | None:
-    """Return the closed-loop poles of the settings, rad/s; None for the default poles."""
-    return None if settings.poles is None else [complex(re, im) for re, im in settings.poles]
-
-
-def given_gains(gains: kinds.GainSettings, *, integral: float = 0.0) -> Gains:
+def given_gains(gains: GainSettings, *, integral: float = 0.0) -> Gains:
     """Return the gains of the settings, with their signs as in ``control.base.Gains``."""
     return Gains(gains.alpha, gains.q_s, gains.elevator, gains.reference_s, integral)
 
 
-def build(settings: kinds.Control, design: ShortPeriod, _control_hz: int) -> Law:
+class ProportionalSettings(GainOrPoleSettings):
     """Feedback of alpha, q and elevator, prefilter gain for unit DC gain (Sillence S 3.2)."""
-    return Proportional(
-        given_gains(settings.gains) if settings.gains else design_proportional(design, wanted_poles(settings)),
-        alpha_trim_rad=design.alpha_trim_rad,
-        elevator_trim_rad=design.elevator_trim_rad,
-    )
+
+    reads_accelerometer: ClassVar[bool] = False
+
+    law: Literal["proportional"] = "proportional"
+
+    def build(self, design: ShortPeriod, control_hz: int) -> Law:  # noqa: ARG002
+        """Return the law. Raises DesignError."""
+        return Proportional(
+            given_gains(self.gains) if self.gains else design_proportional(design, self.wanted_poles()),
+            alpha_trim_rad=design.alpha_trim_rad,
+            elevator_trim_rad=design.elevator_trim_rad,
+        )

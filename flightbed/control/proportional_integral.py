@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Annotated, ClassVar, Literal
+
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.config import kinds
+from flightbed.config.kinds import GainOrPoleSettings, IntegralGainSettings
+from flightbed.config.table import between, only_with
 from flightbed.control.base import Gains, Law
 from flightbed.control.design import design_integral
-from flightbed.control.proportional import Proportional, given_gains, wanted_poles
+from flightbed.control.proportional import Proportional, given_gains
 from flightbed.core.signals import Measurement
 
 
@@ -29,13 +32,24 @@ class ProportionalIntegral:
         return demand
 
 
-def build(settings: kinds.Control, design: ShortPeriod, control_hz: int) -> Law:
+class ProportionalIntegralSettings(GainOrPoleSettings):
     """Add to the proportional law the integral of the pitch-rate error (Sillence S 3.3)."""
-    return ProportionalIntegral(
-        given_gains(settings.gains, integral=settings.gains.integral)
-        if settings.gains
-        else design_integral(design, wanted_poles(settings), integral_pole=settings.integral_pole_rad_s),
-        alpha_trim_rad=design.alpha_trim_rad,
-        elevator_trim_rad=design.elevator_trim_rad,
-        control_hz=control_hz,
-    )
+
+    reads_accelerometer: ClassVar[bool] = False
+
+    law: Literal["proportional-integral"] = "proportional-integral"
+    gains: IntegralGainSettings | None = None
+    """Gains, which replace the design."""
+    integral_pole_rad_s: Annotated[float, between(-100.0, -1e-6), only_with(gains=None)] = -0.5
+    """Fourth pole of the closed loop."""
+
+    def build(self, design: ShortPeriod, control_hz: int) -> Law:
+        """Return the law. Raises DesignError."""
+        return ProportionalIntegral(
+            given_gains(self.gains, integral=self.gains.integral)
+            if self.gains
+            else design_integral(design, self.wanted_poles(), integral_pole=self.integral_pole_rad_s),
+            alpha_trim_rad=design.alpha_trim_rad,
+            elevator_trim_rad=design.elevator_trim_rad,
+            control_hz=control_hz,
+        )

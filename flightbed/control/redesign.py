@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from flightbed.avionics.short_period import ShortPeriod, zero_order_hold
-from flightbed.config import kinds
+from flightbed.config.kinds import LawSettings
+from flightbed.config.table import Positive, Settings
 from flightbed.control.base import Gains, Law
 from flightbed.control.lq import lq_gain
 from flightbed.control.proportional import Proportional
@@ -145,16 +147,35 @@ class Redesign:
         return wanted if estimate.alarms > 0.0 and abs(wanted - had) > self.tolerance else had
 
 
-def build(settings: kinds.Control, design: ShortPeriod, control_hz: int) -> Law:
+class WeightSettings(Settings):
+    """Weights by Bryson's rule: these deviations of alpha, q and elevator cost the same."""
+
+    alpha_deg: Positive = 3.0
+    """Deviation of the angle of attack."""
+    q_deg_s: Positive = 3.0
+    """Deviation of the pitch rate."""
+    elevator_deg: Positive = 3.0
+    """Deflection of the elevator."""
+
+
+class LqSettings(LawSettings):
     """Proportional law with gains that are optimal for quadratic weights, redesigned for K-hat with adaptation.method = "redesign"."""
-    return RedesignedPitch(design, _pitch_weights(settings), control_hz=control_hz)
 
+    can_redesign: ClassVar[bool] = True
+    reads_accelerometer: ClassVar[bool] = False
 
-def lq_gains(settings: kinds.Control, design: ShortPeriod, control_hz: int, effectiveness: float) -> Gains:
-    """Return the gains of the law build at a given K."""
-    return pitch_lq(design, _pitch_weights(settings), control_hz=control_hz, effectiveness=effectiveness)
+    law: Literal["lq"] = "lq"
+    weights: WeightSettings = WeightSettings()
+    """Weights of the regulator."""
 
+    def build(self, design: ShortPeriod, control_hz: int) -> Law:
+        """Return the law. Raises DesignError."""
+        return RedesignedPitch(design, self._weights(), control_hz=control_hz)
 
-def _pitch_weights(settings: kinds.Control) -> PitchWeights:
-    weights = settings.weights
-    return PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG)
+    def gains_at(self, design: ShortPeriod, control_hz: int, effectiveness: float) -> Gains:
+        """Return the gains at a given K. Raises DesignError."""
+        return pitch_lq(design, self._weights(), control_hz=control_hz, effectiveness=effectiveness)
+
+    def _weights(self) -> PitchWeights:
+        weights = self.weights
+        return PitchWeights(weights.alpha_deg * DEG, weights.q_deg_s * DEG, weights.elevator_deg * DEG)

@@ -1,4 +1,4 @@
-"""Functions with one source that run compiled (numba, cached on disk) or as plain Python."""
+"""Functions with one source that run compiled (numba, cached on disk: ``core/kernel_cache.py``) or as plain Python."""
 
 from __future__ import annotations
 
@@ -23,7 +23,11 @@ def compiled(function: Callable[P_, R_]) -> Callable[P_, R_]:
         return function
     from numba import njit
 
-    return cast(Callable[P_, R_], njit(cache=True, error_model="numpy")(function))
+    from flightbed.core.kernel_cache import use_cache
+
+    dispatcher = njit(error_model="numpy")(function)
+    use_cache(dispatcher)
+    return cast(Callable[P_, R_], dispatcher)
 
 
 def plain(function: Callable[P_, R_]) -> Callable[P_, R_]:

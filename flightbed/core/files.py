@@ -7,7 +7,7 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -123,6 +123,65 @@ def _replace(target: Path, new: Path, old: Path) -> None:
     finally:
         if old.exists() and not target.exists():
             old.rename(target)
+
+
+def cache_folder() -> Path:
+    """Return the folder of files that flightbed makes again if they are gone: ``$XDG_CACHE_HOME/flightbed``, ``~/.cache/flightbed``.
+
+    Raises OSError if the user has no home folder.
+    """
+    root = os.environ.get("XDG_CACHE_HOME", "")
+    try:
+        return (Path(root) if root else Path.home() / ".cache") / "flightbed"
+    except RuntimeError as error:
+        raise FileNotFoundError(str(error)) from None
+
+
+def write_cached(path: Path, content: bytes, *, pattern: str, most_bytes: int) -> None:
+    """Write a file of a cache atomically, its folder too, then remove the least recently used files of a size too large.
+
+    Args:
+        path: the file.
+        content: its content.
+        pattern: of the names of all files of this cache in its folder.
+        most_bytes: size of these files that remains.
+
+    Raises:
+        OSError: the file cannot be written.
+
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, scratch = tempfile.mkstemp(dir=path.parent, prefix=f"{path.stem}.", suffix=path.suffix)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        Path(scratch).replace(path)
+    except BaseException:
+        Path(scratch).unlink(missing_ok=True)
+        raise
+    _remove_least_used(path.parent, pattern, most_bytes)
+
+
+def _remove_least_used(folder: Path, pattern: str, most_bytes: int) -> None:
+    """Remove files, the oldest first, until those that remain have at most ``most_bytes``; other processes may do the same."""
+    found = []
+    for path in folder.glob(pattern):
+        with suppress(OSError):  # another process has removed it
+            stat = path.stat()
+            found.append((stat.st_mtime, stat.st_size, path))
+    excess = sum(size for _, size, _ in found) - most_bytes
+    for _, size, path in sorted(found):
+        if excess <= 0:
+            return
+        with suppress(OSError):
+            path.unlink()
+        excess -= size
+
+
+def touch_used(path: Path) -> None:
+    """Mark a file of a cache as used now."""
+    with suppress(OSError):
+        os.utime(path)
 
 
 @contextmanager

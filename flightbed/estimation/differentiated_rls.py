@@ -13,16 +13,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import nan, sqrt
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
 from flightbed.avionics import pitch_kernels
 from flightbed.avionics.onboard import OnBoard
-from flightbed.config import kinds
+from flightbed.config.kinds import EffectivenessPrior, EstimatorSettings
+from flightbed.config.table import between
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.records import record
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.estimation.base import Estimator
 from flightbed.estimation.loop_gain.filter_bank import TickResult
 from flightbed.estimation.packed import ESTIMATE
 
@@ -183,16 +184,25 @@ class DifferentiatedRls:
         return np.concatenate([self._state, self._settings, self._schedule])
 
 
-def build(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
+class DifferentiatedRlsSettings(EstimatorSettings):
     """Recursive least squares with variable forgetting on differentiated pitch rate: the baseline."""
-    return DifferentiatedRls(
-        RlsConfig(
-            scheduled=settings.model == "scheduled",
-            forgetting=settings.forgetting,
-            smoothing=settings.smoothing,
-            bounds=(settings.bounds[0], settings.bounds[1]),
-            prior_effectiveness=settings.prior.effectiveness,
-            prior_effectiveness_var=settings.prior.effectiveness_std**2,
-        ),
-        onboard,
-    )
+
+    reads_accelerometer: ClassVar[bool] = False
+
+    kind: Literal["differentiated-rls"] = "differentiated-rls"
+    forgetting: Annotated[float, between(0.5, 1)] = 0.98
+    """Smallest forgetting factor."""
+    prior: EffectivenessPrior = EffectivenessPrior()
+    """Prior of K."""
+
+    def build(self, onboard: OnBoard) -> DifferentiatedRls:
+        """Return the estimator."""
+        config = RlsConfig(
+            scheduled=self.model == "scheduled",
+            forgetting=self.forgetting,
+            smoothing=self.smoothing,
+            bounds=self.bounds,
+            prior_effectiveness=self.prior.effectiveness,
+            prior_effectiveness_var=self.prior.effectiveness_std**2,
+        )
+        return DifferentiatedRls(config, onboard)

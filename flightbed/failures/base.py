@@ -6,11 +6,10 @@ Where two failures set the same field, the later one replaces the earlier one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from math import ceil
-from types import MappingProxyType
 
-from flightbed.config import kinds
+from flightbed.config.kinds import FailureSettings
 from flightbed.core.signals import HEALTHY, Health
 
 HealthHistory = Callable[[int], Health]
@@ -21,18 +20,6 @@ def healthy(_tick: int) -> Health:
     return HEALTHY
 
 
-def failure_tick(settings: kinds.Failure, control_hz: int) -> int:
+def failure_tick(settings: FailureSettings, control_hz: int) -> int:
     """Return the first tick at or after the failure's time; round-off in at_s * control_hz does not delay it."""
     return ceil(settings.at_s * control_hz - 1e-6)
-
-
-# Actuator failures -> suffix of the JSBSim property that an overlay must name for them.
-ACTUATOR_FAILURES: Mapping[str, str] = MappingProxyType(
-    {
-        "stuck": "stuck",
-        "floating": "offset_rad",
-        "bias": "offset_rad",
-        "rate-limit": "rate_limit_rad_s",
-        "hardover": "cmd_rad",
-    }
-)

@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache
 from math import inf
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any, ClassVar, Literal
 
-from flightbed.config import kinds
+from flightbed.config.kinds import SurfaceFailure
+from flightbed.config.table import Positive, Share, between, example
 from flightbed.core.signals import HEALTHY, SURFACES, Health
 from flightbed.core.units import DEG
 from flightbed.failures.base import HealthHistory, failure_tick
@@ -111,50 +112,156 @@ def _wrong(was: Health, number: int, wrong: tuple[tuple[str, Any], ...]) -> Heal
     return was._replace(faults=(elevator, aileron, rudder))
 
 
-def build_effectiveness(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Scale the effect of the deflection by `to`, from the first tick at or after at_s."""
-    return effectiveness_loss(
-        before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz)
-    )
+class EffectivenessLoss(SurfaceFailure):
+    """A step of the surface's effectiveness: moments and forces of a deflection fall to a share."""
+
+    kind: Literal["effectiveness"] = "effectiveness"
+    to: Annotated[Share, example(0.3)]
+    """Remaining share of the moments and forces."""
+
+    def build(self, before: HealthHistory, control_hz: int) -> HealthHistory:
+        """Return the health as a function of the tick."""
+        return effectiveness_loss(before, surface=self.surface, to=self.to, at_tick=failure_tick(self, control_hz))
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``."""
+        return f"the {self.surface} effectiveness steps to {self.to:.0%}"
 
 
-def build_structural(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Scale the elevator's pitching moment by `to` and its lift and drag by `force_to`, from at_s on."""
-    return structural_damage(
-        before, to=settings.to, force_to=settings.force_to, at_tick=failure_tick(settings, control_hz)
-    )
+class Ramp(SurfaceFailure):
+    """A ramp of the surface's effectiveness, from its value at at_s on."""
+
+    kind: Literal["ramp"] = "ramp"
+    to: Annotated[Share, example(0.3)]
+    """Share of the moments and forces at the end of the ramp."""
+    over_s: Positive = 2.0
+    """Duration."""
+
+    def build(self, before: HealthHistory, control_hz: int) -> HealthHistory:
+        """Return the health as a function of the tick."""
+        at_tick = failure_tick(self, control_hz)
+        ticks = max(1, round(self.over_s * control_hz))
+        return ramp(before, surface=self.surface, to=self.to, at_tick=at_tick, ticks=ticks)
+
+    def in_words(self) -> str:
+        """Return what happens from ``at_s`` on."""
+        return f"the {self.surface} effectiveness ramps to {self.to:.0%} over {self.over_s:g} s"
 
 
-def build_ramp(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Reduce the build_effectiveness linearly from its value at at_s to `to`, over over_s seconds."""
-    at_tick = failure_tick(settings, control_hz)
-    ticks = max(1, round(settings.over_s * control_hz))
-    return ramp(before, surface=settings.surface, to=settings.to, at_tick=at_tick, ticks=ticks)
+class StructuralDamage(SurfaceFailure):
+    """Damage of the elevator that reduces its moment and its force by different shares."""
+
+    kind: Literal["structural"] = "structural"
+    surface: Literal["elevator"] = "elevator"
+    to: Annotated[Share, example(0.3)]
+    """Remaining share of the pitching moment."""
+    force_to: Annotated[Share, example(0.5)]
+    """Remaining share of lift and drag."""
+
+    def build(self, before: HealthHistory, control_hz: int) -> HealthHistory:
+        """Return the health as a function of the tick."""
+        at_tick = failure_tick(self, control_hz)
+        return structural_damage(before, to=self.to, force_to=self.force_to, at_tick=at_tick)
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``."""
+        return f"the {self.surface} moment falls to {self.to:.0%}, its lift and drag to {self.force_to:.0%}"
 
 
-def build_stuck(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Jam the actuator at its position at at_s."""
-    return stuck(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
+class ActuatorFault(SurfaceFailure):
+    """Base class of the faults of an actuator; each acts through a property that the overlay names, SURFACE_SUFFIX."""
+
+    _SUFFIX: ClassVar[str]
+
+    @property
+    def actuator(self) -> str:
+        """Surface whose actuator is faulty."""
+        return self.surface
+
+    @property
+    def actuator_property(self) -> str:
+        """Property of the overlay through which the fault acts, such as "elevator_stuck"."""
+        return f"{self.surface}_{self._SUFFIX}"
 
 
-def build_floating(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Detach the surface from its actuator at at_s; it floats in the airstream."""
-    return floating(before, surface=settings.surface, at_tick=failure_tick(settings, control_hz))
+class Stuck(ActuatorFault):
+    """An actuator that jams at its position."""
+
+    kind: Literal["stuck"] = "stuck"
+    _SUFFIX = "stuck"
+
+    def build(self, before: HealthHistory, control_hz: int) -> HealthHistory:
+        """Return the health as a function of the tick."""
+        return stuck(before, surface=self.surface, at_tick=failure_tick(self, control_hz))
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``."""
+        return f"the {self.surface} is stuck at its current position"
 
 
-def build_hardover(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Run the actuator to the stop on the side low or high from at_s on, at its rate limit."""
-    to_rad = inf if settings.side == "high" else -inf
-    return hardover(before, surface=settings.surface, to_rad=to_rad, at_tick=failure_tick(settings, control_hz))
+class Floating(ActuatorFault):
+    """A surface that detaches from its actuator and floats in the airstream."""
+
+    kind: Literal["floating"] = "floating"
+    _SUFFIX = "offset_rad"
+
+    def build(self, before: HealthHistory, control_hz: int) -> HealthHistory:
+        """Return the health as a function of the tick."""
+        return floating(before, surface=self.surface, at_tick=failure_tick(self, control_hz))
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``."""
+        return f"the {self.surface} is disconnected from its actuator and floats in the airstream"
 
 
-def build_rate_limit(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Scale the actuator's rate limit by `to`, from at_s on."""
-    return rate_limited(before, surface=settings.surface, to=settings.to, at_tick=failure_tick(settings, control_hz))
+class Hardover(ActuatorFault):
+    """An actuator that runs to a stop at its rate limit."""
+
+    kind: Literal["hardover"] = "hardover"
+    side: Annotated[Literal["low", "high"], example("high")]
+    """Stop: of the lowest or of the highest deflection."""
+    _SUFFIX = "cmd_rad"
+
+    def build(self, before: HealthHistory, control_hz: int) -> HealthHistory:
+        """Return the health as a function of the tick."""
+        to_rad = inf if self.side == "high" else -inf
+        return hardover(before, surface=self.surface, to_rad=to_rad, at_tick=failure_tick(self, control_hz))
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``."""
+        return f"the {self.surface} runs to its {'highest' if self.side == 'high' else 'lowest'} stop, regardless of the command"
 
 
-def build_bias(settings: kinds.Failure, before: HealthHistory, control_hz: int) -> HealthHistory:
-    """Add bias_deg to the acting deflection, absent from the position feedback, from at_s on."""
-    return bias(
-        before, surface=settings.surface, by_rad=settings.bias_deg * DEG, at_tick=failure_tick(settings, control_hz)
-    )
+class RateLimit(ActuatorFault):
+    """An actuator whose rate limit falls to a share."""
+
+    kind: Literal["rate-limit"] = "rate-limit"
+    to: Annotated[Share, example(0.3)]
+    """Remaining share of the rate limit."""
+    _SUFFIX = "rate_limit_rad_s"
+
+    def build(self, before: HealthHistory, control_hz: int) -> HealthHistory:
+        """Return the health as a function of the tick."""
+        return rate_limited(before, surface=self.surface, to=self.to, at_tick=failure_tick(self, control_hz))
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``."""
+        return f"the {self.surface} rate limit falls to {self.to:.0%}"
+
+
+class Bias(ActuatorFault):
+    """A deflection in addition to the actuator's, absent from the position feedback."""
+
+    kind: Literal["bias"] = "bias"
+    bias_deg: Annotated[float, between(-60, 60), example(3.0)]
+    """Additional deflection."""
+    _SUFFIX = "offset_rad"
+
+    def build(self, before: HealthHistory, control_hz: int) -> HealthHistory:
+        """Return the health as a function of the tick."""
+        at_tick = failure_tick(self, control_hz)
+        return bias(before, surface=self.surface, by_rad=self.bias_deg * DEG, at_tick=at_tick)
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``."""
+        return f"the {self.surface} has a bias of {self.bias_deg:+g} deg that its position feedback does not show"

@@ -24,7 +24,7 @@ import jsbsim
 
 from flightbed.core.errors import AircraftError, UnknownNameError
 from flightbed.core.units import FT, INCH, LB
-from flightbed.fdm.stock import StockAircraft, engine_names, read_stock, references
+from flightbed.fdm.stock import StockAircraft, engine_names, read_stock, references, without_io
 from flightbed.fdm.tables import breakpoints
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
@@ -127,6 +127,12 @@ class Fdm:
         for file, path in () if isinstance(aircraft, StockAircraft) else aircraft.references():
             if self._find(path) is None:
                 raise AircraftError(f"aircraft {aircraft.name}: {file}: JSBSim has no property {path}")
+        for path in () if isinstance(aircraft, StockAircraft) else _model_references(aircraft):
+            if self._find(path) is None:
+                raise AircraftError(
+                    f"aircraft {aircraft.name}: the patched model reads {path}, which does not exist; "
+                    "keep the element that gives it, or declare the property"
+                )
 
     def _find(self, path: str) -> jsbsim.FGPropertyNode | None:
         """Return a property's node, None if there is none; a path with other characters would abort the process."""
@@ -216,6 +222,12 @@ def _patched(aircraft: Overlay) -> bytes:
         return aircraft.patch(stock.read_bytes())
     except OSError as error:
         raise AircraftError(f"aircraft {aircraft.name}: stock model {aircraft.stock_file}: {error.strerror}") from None
+
+
+@cache
+def _model_references(aircraft: Overlay) -> tuple[str, ...]:
+    """Return the properties that the patched model refers to; JSBSim's output elements may name properties that do not exist."""
+    return tuple(sorted(references([without_io(_patched(aircraft))])))
 
 
 @cache

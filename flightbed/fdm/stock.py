@@ -33,10 +33,7 @@ class StockAircraft:
     @property
     def without_io(self) -> bytes:
         """The aircraft file without its output and input elements, for which JSBSim would write files and open sockets."""
-        root = ET.fromstring(self.file)
-        for element in root.findall("output") + root.findall("input"):
-            root.remove(element)
-        return ET.tostring(root, encoding="unicode").encode()
+        return without_io(self.file)
 
     @property
     def sha256(self) -> str:
@@ -45,6 +42,14 @@ class StockAircraft:
 
 
 _PATH = re.compile(r"-?(/?[a-z][\w-]*(?:/[A-Za-z_][\w-]*(?:\[\d+\])?)+)")
+
+
+def without_io(model: bytes) -> bytes:
+    """Return an aircraft file without its output and input elements."""
+    root = ET.fromstring(model)
+    for element in root.findall("output") + root.findall("input"):
+        root.remove(element)
+    return ET.tostring(root, encoding="unicode").encode()
 
 
 def references(files: Iterable[bytes]) -> set[str]:

@@ -9,14 +9,12 @@ import numpy as np
 
 from flightbed.aircraft.overlay import Aircraft
 from flightbed.avionics.onboard import OnBoard
-from flightbed.command.base import Profile, profile
-from flightbed.config import families
-from flightbed.config.kinds import Command
+from flightbed.command.base import Command, Profile, profile
+from flightbed.config.kinds import ESTIMATORS, CommandSettings
 from flightbed.config.tracebacks import error_context
 from flightbed.control.base import Law
 from flightbed.control.correction import Adaptation
 from flightbed.control.design import peak_deflection
-from flightbed.control.load_factor.autothrottle import build as autothrottle
 from flightbed.control.redesign import Redesign, RedesignedPitch
 from flightbed.control.roll_yaw import RollYaw, RollYawWeights
 from flightbed.core.signals import Health, LateralNoise, SensorNoise
@@ -57,7 +55,7 @@ def _assembled(plan: Plan) -> Flight:
     )  # fmt: skip
     onboard = _with_model_errors(onboard, scenario.model_error)
     health = health_history(scenario)
-    estimators = [families.factory("estimators", e.kind)(e, onboard) for e in scenario.estimators]
+    estimators = [ESTIMATORS.build(e, onboard) for e in scenario.estimators]
     names = names_of(scenario, estimators)
     adaptation = scenario.adaptation
     plant = _plant(plan, health(0), air_seed, process_seed)
@@ -68,7 +66,9 @@ def _assembled(plan: Plan) -> Flight:
     return Flight(
         plant=plant,
         sensors=Sensors(noise, ticks=ticks, seed=sensor_seed, errors=errors),
-        profile=_profile(scenario, scenario.command) if load_factor is None else _no_pitch_rate(ticks),
+        profile=_profile(scenario, scenario.command.rate(), scenario.command)
+        if load_factor is None
+        else _no_pitch_rate(ticks),
         health=health,
         law=law,
         adaptation=Adaptation(
@@ -97,12 +97,13 @@ def _assembled(plan: Plan) -> Flight:
     )
 
 
-def _profile(scenario: Scenario, command: Command) -> Profile:
+def _profile(scenario: Scenario, command: Command, settings: CommandSettings) -> Profile:
+    """Return a command, built from these settings, sampled over the flight and filtered by their prefilter."""
     return profile(
-        families.factory("commands", command.kind)(command),
+        command,
         ticks=scenario.ticks,
         control_hz=scenario.rates.control_hz,
-        filter_rad_s=command.filter_rad_s,
+        filter_rad_s=settings.filter_rad_s,
     )
 
 
@@ -117,12 +118,12 @@ def _load_factor(plan: Plan, plant: Plant) -> LoadFactorAxis | None:
         return None
     scenario, hz = plan.scenario, plan.scenario.rates.control_hz
     assert isinstance(plant, JsbsimPlant)
-    command = _profile(scenario, scenario.command.in_g())
+    command = _profile(scenario, scenario.command.load_factor(), scenario.command)
     return LoadFactorAxis(
         plant,
         load_factor_law_of(scenario, plan.load_factor),
         list(zip(command.q_cmd_rad_s.tolist(), command.q_ref_rad_s.tolist(), strict=True)),
-        autothrottle(scenario.control.autothrottle, airspeed_m_s=plan.trim.airspeed_m_s, control_hz=hz),
+        scenario.control.throttle(airspeed_m_s=plan.trim.airspeed_m_s, control_hz=hz),
     )
 
 
@@ -153,9 +154,8 @@ def _lateral(plan: Plan, plant: Plant, names: Sequence[str], seed: np.random.See
     assert isinstance(aircraft, Aircraft)
     assert plan.lateral is not None
     hz, ticks = scenario.rates.control_hz, scenario.ticks
-    roll, sideslip = (
-        _profile(scenario, command) for command in (settings.roll.as_command(), settings.sideslip.as_command())
-    )
+    roll = _profile(scenario, settings.roll.rate(), settings.roll)
+    sideslip = _profile(scenario, settings.sideslip.angle(), settings.sideslip)
     weights = RollYawWeights(*(getattr(settings, key) * DEG for key in _WEIGHTS))
     adaptation = scenario.adaptation
     corrections = []
@@ -270,5 +270,5 @@ def health_history(scenario: Scenario) -> HealthHistory:
     """Return the health over time from all failures of a scenario, in order of time; of two at once, the later in the file acts."""
     health: HealthHistory = healthy
     for failure in sorted(scenario.failures, key=lambda f: f.at_s):
-        health = families.factory("failures", failure.kind)(failure, health, scenario.rates.control_hz)
+        health = failure.build(health, scenario.rates.control_hz)
     return health

@@ -145,6 +145,11 @@ class _Variant(NamedTuple):
     elevator_reconstruction: bool
     gust_reconstruction: bool
 
+    @property
+    def large(self) -> int:
+        """Number of large estimators and load-factor laws."""
+        return sum(self[3:]) + (self.load_factor != _NO_LOAD_FACTOR)
+
 
 @compiled
 def _read(head: Any, store: Array, row: Array, k: int) -> None:
@@ -538,7 +543,11 @@ def rows_of(flight: Flight) -> Array | None:
 
 
 def is_built_in(flight: Flight) -> bool:
-    """Return whether all parts of a tick have exactly these types; a derived type may behave differently."""
+    """Return whether all parts of a tick have exactly these types; a derived type may behave differently.
+
+    A flight with two large estimators, or with a load-factor law and a large estimator, flies composed: each combination is a function
+    of its own, whose compilation takes up to half a minute.
+    """
     lateral, redesign, in_g = flight.lateral, flight.redesign, flight.load_factor
     return (
         type(flight.sensors) is Sensors
@@ -556,6 +565,7 @@ def is_built_in(flight: Flight) -> bool:
                 and isinstance(flight.plant, JsbsimPlant)
             )
         )
+        and _variant(flight).large <= 1
     )
 
 

@@ -10,15 +10,13 @@ from flightbed.aircraft.overlay import Aircraft, load_path
 from flightbed.avionics.lateral import LateralDirectional
 from flightbed.avionics.schedule import Schedule
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.config import families
 from flightbed.control.base import Gains, Law
 from flightbed.control.load_factor.design import LoadFactorDesign, LoadFactorLaw
-from flightbed.control.redesign import lq_gains
 from flightbed.control.stability_margins import Margins, pitch_margins
 from flightbed.core.actuator import Actuator
 from flightbed.core.errors import AircraftError, DesignError, NoTrimError, ScenarioError
+from flightbed.core.sources import SourcesChangedError, closure_sha256
 from flightbed.core.units import DEG, FT
-from flightbed.failures.base import ACTUATOR_FAILURES
 from flightbed.models.envelope import pitch_point, pitch_points
 from flightbed.models.linear_aircraft import LinearAircraft, load_flyable
 from flightbed.models.linearize import linearize
@@ -46,6 +44,7 @@ class Plan:
     lateral: LateralDirectional | None = None  # None if the stock laws control roll and yaw
     margins: Margins | None = None  # of the pitch loop; None for a law without gains
     load_factor: LoadFactorDesign | None = None  # None if the flight is not commanded in g
+    notes: tuple[str, ...] = ()  # on the settings, one line each; the terminal and the report show them
 
     @property
     def actuators(self) -> Mapping[str, Actuator]:
@@ -66,13 +65,7 @@ def plan(scenario: Scenario) -> Plan:
         ScenarioError: the aircraft does not support a setting; lists every problem.
 
     """
-    aircraft = load_flyable(scenario.aircraft.model)
-    if scenario.aircraft.sha256 not in ("", aircraft.sha256):
-        raise AircraftError(
-            f"aircraft {scenario.aircraft.model} is not the aircraft of this scenario (aircraft.sha256 differs); "
-            'clear the key, --set aircraft.sha256="", to fly it anyway'
-        )
-    scenario = scenario.with_aircraft(load_path(scenario.aircraft.model), aircraft.sha256)
+    scenario, aircraft, notes = bind(scenario)
     schedule, lateral, load_factor = None, None, None
     if isinstance(aircraft, LinearAircraft):
         if problems := _unsupported_by_linear(scenario, aircraft):
@@ -95,9 +88,10 @@ def plan(scenario: Scenario) -> Plan:
                 (aircraft.actuator.min_rad, aircraft.actuator.max_rad),
                 point.elevator_rad,
             )
-        if any(estimator.model == "scheduled" for estimator in scenario.estimators):
+        if any(estimator.needs_schedule for estimator in scenario.estimators):
             shift = repr(scenario.aircraft.cg_shift_cbar)
-            fingerprint = (aircraft.sha256, shift, version("jsbsim"), version("flightbed"))
+            sources = _tabulating_sources()
+            fingerprint = None if sources is None else (aircraft.sha256, shift, version("jsbsim"), sources)
             schedule = load_schedule(
                 airframe,
                 throttle=point.throttle_norm,
@@ -113,7 +107,28 @@ def plan(scenario: Scenario) -> Plan:
             f"adaptation.limit_command: needs a law with gains (got '{scenario.control.law}'); set it to false"
         )
     margins = None if gains is None else _margins(scenario, design, gains)
-    return Plan(scenario, aircraft, point, design, gains, schedule, lateral, margins, load_factor)
+    return Plan(scenario, aircraft, point, design, gains, schedule, lateral, margins, load_factor, notes)
+
+
+def bind(scenario: Scenario) -> tuple[Scenario, Aircraft | LinearAircraft, tuple[str, ...]]:
+    """Return the scenario with path and fingerprint of its aircraft, the aircraft, and a note if the scenario named an equal one.
+
+    Raises AircraftError: the aircraft cannot be loaded, or is neither the one that the scenario names nor equal to it.
+    """
+    model, named = scenario.aircraft.model, scenario.aircraft.sha256
+    aircraft = load_flyable(model)
+    notes: tuple[str, ...] = ()
+    if isinstance(aircraft, Aircraft) and named != aircraft.sha256 and named in aircraft.equal_to:
+        notes = (
+            f"aircraft.sha256: the scenario names {named[:12]}..., an earlier version of {aircraft.name}; "
+            f"its equal_to lists that version as flying the same traces, so {aircraft.sha256[:12]}... flies",
+        )
+    elif named not in ("", aircraft.sha256):
+        raise AircraftError(
+            f"aircraft {model} is not the aircraft of this scenario (aircraft.sha256 differs); "
+            'clear the key, --set aircraft.sha256="", to fly it anyway'
+        )
+    return scenario.with_aircraft(load_path(model), aircraft.sha256), aircraft, notes
 
 
 def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:
@@ -121,24 +136,30 @@ def _margins(scenario: Scenario, design: ShortPeriod, gains: Gains) -> Margins:
     redesign = adaptation.enabled and adaptation.method == "redesign"
     return pitch_margins(
         design,
-        (lambda K: lq_gains(scenario.control, design, hz, K)) if redesign else lambda _K: gains,
+        (lambda K: scenario.control.gains_at(design, hz, K)) if redesign else lambda _K: gains,
         control_hz=hz,
         corrected=adaptation.enabled and not redesign,
         effective=adaptation.enabled and not redesign and adaptation.feedback == "effective",
     )
 
 
+def _tabulating_sources() -> str | None:
+    """Return the digest of the sources that tabulate a schedule; None if it is not known: then nothing is cached."""
+    try:
+        return closure_sha256("flightbed.models.tabulate", "flightbed.plant.airframe")
+    except (OSError, SourcesChangedError):
+        return None
+
+
 def law_of(scenario: Scenario, design: ShortPeriod) -> Law:
     """Return a new law as specified by the scenario. Raises DesignError."""
-    law: Law = families.factory("laws", scenario.control.law)(scenario.control, design, scenario.rates.control_hz)
+    law: Law = scenario.control.build(design, scenario.rates.control_hz)
     return law
 
 
 def load_factor_law_of(scenario: Scenario, design: LoadFactorDesign) -> LoadFactorLaw:
     """Return a new load-factor law as specified by the scenario. Raises DesignError."""
-    law: LoadFactorLaw = families.factory("laws", scenario.control.law)(
-        scenario.control, design, scenario.rates.control_hz
-    )
+    law: LoadFactorLaw = scenario.control.build(design, scenario.rates.control_hz)
     return law
 
 
@@ -171,8 +192,8 @@ def _unsupported_by_overlay(scenario: Scenario, aircraft: Aircraft) -> list[str]
             f"lateral.enabled: must be false with the aircraft {aircraft.name}, whose overlay has no [aileron] and [rudder]"
         )
     for i, failure in enumerate(scenario.failures):
-        wanted = f"{failure.surface}_{ACTUATOR_FAILURES.get(failure.kind, '')}"
-        if failure.kind in ACTUATOR_FAILURES and wanted not in aircraft.properties:
+        wanted = failure.actuator_property
+        if wanted is not None and wanted not in aircraft.properties:
             problems.append(
                 f"failures.{i}.kind: '{failure.kind}' needs properties.{wanted}, which the overlay of {aircraft.name} does not name"
             )
@@ -190,13 +211,21 @@ def _unsupported_by_linear(scenario: Scenario, aircraft: LinearAircraft) -> list
         ("model_error.cg_shift_cbar", scenario.model_error.cg_shift_cbar, 0.0),
         ("lateral.enabled", scenario.lateral.enabled, False),
         ("model_error.fuel_lbs", scenario.model_error.fuel_lbs, 0.0),
-        *((f"failures.{i}.shift_cbar", f.shift_cbar, 0.0) for i, f in enumerate(scenario.failures)),
-        *((f"estimators.{i}.model", e.model, "short-period") for i, e in enumerate(scenario.estimators)),
+        *(
+            (f"estimators.{i}.model", e.model, "short-period")
+            for i, e in enumerate(scenario.estimators)
+            if e.needs_schedule
+        ),
     ]
     faults = [
         f"failures.{i}.kind: '{f.kind}' is an actuator failure; the linear aircraft {aircraft.name} models none, choose another kind"
         for i, f in enumerate(scenario.failures)
-        if f.kind in ACTUATOR_FAILURES
+        if f.actuator is not None
+    ]
+    faults += [
+        f"failures.{i}.kind: '{f.kind}' moves the c.g., which the linear aircraft {aircraft.name} does not model; choose another kind"
+        for i, f in enumerate(scenario.failures)
+        if f.moves_cg
     ]
     if scenario.in_g:
         faults.append(

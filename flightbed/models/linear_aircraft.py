@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.aircraft.overlay import Aircraft, load_aircraft
+from flightbed.aircraft.schema import LINEAR, keys_of, tables_of
 from flightbed.avionics.short_period import ShortPeriod
 from flightbed.core import data
 from flightbed.core.actuator import Actuator
@@ -20,12 +21,7 @@ from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import AircraftError, did_you_mean
 from flightbed.core.units import FT
 
-_KEYS: Mapping[str, tuple[str, ...]] = {
-    "": ("schema", "kind", "name", "description", "condition", "short_period", "elevator"),
-    "condition": ("mach", "altitude_ft"),
-    "short_period": ("z_alpha_1_s", "z_q", "z_delta_1_s", "m_alpha_1_s2", "m_q_1_s", "m_delta_1_s2"),
-    "elevator": ("lag_rad_s",),
-}
+_KEYS = {table: keys_of(schema) for table, schema in tables_of(LINEAR).items()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
-import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
@@ -16,6 +14,7 @@ import numpy.typing as npt
 
 from flightbed.avionics.schedule import BY_ELEVATOR, Schedule
 from flightbed.core.atmosphere import standard_air
+from flightbed.core.files import cache_folder, touch_used, write_cached
 from flightbed.core.units import DEG, G0
 from flightbed.plant.base import Airframe, Controls, Motion
 
@@ -23,6 +22,7 @@ Array = npt.NDArray[np.float64]
 
 
 _FORMAT = 3  # version of the cache file: increase it when the tabulated quantities change
+_MOST_BYTES = 100_000_000  # of all cached schedules together
 
 
 MACHS, ALPHAS_RAD = (0.2, 2.0), (-10.0 * DEG, 45.0 * DEG)
@@ -77,7 +77,7 @@ def build_schedule(airframe: Airframe, *, throttle: float) -> Schedule:
 
 
 def load_schedule(
-    airframe: Airframe, *, throttle: float, fingerprint: Sequence[str], standard: Callable[[], Airframe]
+    airframe: Airframe, *, throttle: float, fingerprint: Sequence[str] | None, standard: Callable[[], Airframe]
 ) -> Schedule:
     """Build a schedule, or read its tables from the cache; the thrust is always computed.
 
@@ -90,28 +90,25 @@ def load_schedule(
         airframe: airframe of the flight, for the thrust.
         throttle: throttle setting of the flight.
         standard: creates the airframe at the standard condition if the cache has no tables.
-        fingerprint: everything that determines the tables: hash of the aircraft, c.g. shift, versions.
+        fingerprint: everything that determines the tables: hash of the aircraft, c.g. shift, versions, sources; None: no cache.
 
     """
+    if fingerprint is None:
+        return with_throttle(build_schedule(standard(), throttle=0.0), airframe, throttle)
     key = hashlib.sha256("\n".join([str(_FORMAT), *fingerprint]).encode()).hexdigest()[:32]
-    root = os.environ.get("XDG_CACHE_HOME", "")
-    folder = (Path(root) if root else Path.home() / ".cache") / "flightbed"
-    file = folder / f"schedule-{key}.npz"
+    name = f"schedule-{key}.npz"
     try:
+        file = cache_folder() / name
         with np.load(io.BytesIO(file.read_bytes())) as held:
             schedule = Schedule(**{name: held[name] for name in Schedule.__dataclass_fields__})
+        touch_used(file)
         return with_throttle(schedule, airframe, throttle)
     except (OSError, ValueError, KeyError, EOFError, BadZipFile):
         schedule = build_schedule(standard(), throttle=0.0)
     buffer = io.BytesIO()
     np.savez(buffer, **{name: getattr(schedule, name) for name in Schedule.__dataclass_fields__})
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=folder, delete=False) as part:
-            part.write(buffer.getvalue())
-        Path(part.name).replace(file)
-    except OSError:
-        pass
+    with suppress(OSError):
+        write_cached(cache_folder() / name, buffer.getvalue(), pattern="schedule-*.npz", most_bytes=_MOST_BYTES)
     return with_throttle(schedule, airframe, throttle)
 
 

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, Generic, TypeVar
 
 from flightbed.core.errors import InputError
-from flightbed.core.versions import versions
+from flightbed.core.versions import identity
 from flightbed.parallel.processes import local_processes
 
 T = TypeVar("T")
@@ -110,11 +110,11 @@ def results(
         ahead: most submitted tasks beyond the first unfinished one.
 
     Raises:
-        InputError: the connection is lost three times in a row, or a worker has other versions than this process.
+        InputError: the connection is lost three times in a row, or a worker has other versions or sources than this process.
 
     """
     opened = executor if callable(executor) else partial(nullcontext, executor)
-    do = _WithVersions(work.do)
+    do = _WithIdentity(work.do)
     source = enumerate(tasks)
     undone: dict[int, T] = {}
     suspects: set[int] = set()  # unfinished tasks whose worker died
@@ -170,22 +170,24 @@ def results(
 
 
 @dataclass(frozen=True)
-class _WithVersions(Generic[T, R]):
-    """Task -> result and the versions of the worker's packages."""
+class _WithIdentity(Generic[T, R]):
+    """Task -> result and the identity of the worker: versions of packages, digest of sources."""
 
     do: Callable[[T], R]
 
     def __call__(self, task: T) -> tuple[R, dict[str, str]]:
-        return self.do(task), dict(versions())
+        return self.do(task), dict(identity())
 
 
 def _result(future: Future[tuple[R, dict[str, str]]]) -> R:
-    """Return the result of a finished future. Raises InputError if its worker has other versions than this process."""
+    """Return the result of a finished future. Raises InputError if its worker has other versions or sources than this process."""
     result, found = future.result()
-    for package, ours in versions().items():
-        if found[package] != ours:
+    for package, ours in identity().items():
+        theirs = found.get(package, "unknown")
+        if theirs != ours:
             raise InputError(
-                f"workers: must have the versions of this process (got {package} {found[package]}, here {ours}); install the same"
+                f"workers: must have the versions of this process (got {package} {theirs[:16]}, here {ours[:16]}); install the same, "
+                "start the workers again"
             )
     return result
 
@@ -196,7 +198,7 @@ def _one_by_one(executor: Executor, work: Work[T, R], task: T) -> R:
     for part in work.parts(task):
         deaths = 0
         while deaths < DEATHS:
-            future = executor.submit(_WithVersions(work.do), part)
+            future = executor.submit(_WithIdentity(work.do), part)
             try:
                 found.append(_result(future))
                 break

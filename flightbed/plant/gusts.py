@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import cos, pi, sin
+from typing import Annotated, Literal
 
-from flightbed.config import kinds
+from flightbed.config.kinds import GustSettings, Surroundings
+from flightbed.config.table import NonNegative, Positive, example
 from flightbed.core.units import FT
 
 Gusts = Callable[[float], float]
@@ -62,12 +64,53 @@ def sine(before: Gusts, *, at_s: float, up_m_s: float, frequency_hz: float) -> G
     return gusts
 
 
-def gusts(settings: Sequence[kinds.GustSettings]) -> Gusts:
+class OneMinusCosine(GustSettings):
+    """A gust that rises as 1 - cos, holds, and falls."""
+
+    shape: Literal["1-cos"] = "1-cos"
+    rise_s: Annotated[Positive, example(0.5)]
+    """Duration of the rise by (1 - cos)/2 of MIL-F-8785C; the fall mirrors it."""
+    hold_s: NonNegative = 0.0
+    """Duration of the peak."""
+
+    def build(self, before: Gusts) -> Gusts:
+        """Return the vertical speed of the air over time, m/s."""
+        return one_minus_cosine(before, at_s=self.at_s, up_m_s=self.up_fps * FT, rise_s=self.rise_s, hold_s=self.hold_s)
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``."""
+        rising = f"rising for {self.rise_s:g} s" + (f", held for {self.hold_s:g} s" if self.hold_s else "")
+        return f"a gust of {abs(self.up_fps):g} ft/s {'up' if self.up_fps >= 0.0 else 'down'}, {rising}"
+
+
+class Sine(GustSettings):
+    """A harmonic gust that starts upwards and lasts to the end of the flight."""
+
+    shape: Literal["sine"] = "sine"
+    frequency_hz: Annotated[Positive, example(0.5)]
+    """Frequency of encounter, below half of rates.control_hz."""
+
+    def build(self, before: Gusts) -> Gusts:
+        """Return the vertical speed of the air over time, m/s."""
+        return sine(before, at_s=self.at_s, up_m_s=self.up_fps * FT, frequency_hz=self.frequency_hz)
+
+    def in_words(self) -> str:
+        """Return what happens at ``at_s``."""
+        return f"a harmonic gust of {abs(self.up_fps):g} ft/s begins, at {self.frequency_hz:g} Hz"
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:
+        """Return the problem of a frequency that the control rate cannot resolve."""
+        hz = surroundings.control_hz
+        if self.frequency_hz < hz / 2:
+            return []
+        return [
+            f"{place}.frequency_hz: must be below half of rates.control_hz = {hz}, the Nyquist frequency (got {self.frequency_hz:g})"
+        ]
+
+
+def gusts(settings: Sequence[GustSettings]) -> Gusts:
     """Return the sum of all gusts, m/s over time."""
     air: Gusts = calm
     for gust in settings:
-        if gust.shape == "sine":
-            air = sine(air, at_s=gust.at_s, up_m_s=gust.up_fps * FT, frequency_hz=gust.frequency_hz)
-            continue
-        air = one_minus_cosine(air, at_s=gust.at_s, up_m_s=gust.up_fps * FT, rise_s=gust.rise_s, hold_s=gust.hold_s)
+        air = gust.build(air)
     return air

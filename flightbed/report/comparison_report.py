@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from flightbed.analysis.comparison import Run, differing, metrics_table, same_line
+from flightbed.analysis.comparison import Run, different_sources, differing, metrics_table, same_line
 from flightbed.analysis.trace import Vector
 from flightbed.document import drawing, palette
 from flightbed.document.document import Document, Picture, Section
@@ -38,14 +38,14 @@ def comparison_report(runs: Sequence[Run]) -> Document:
         drawing.distinct(_draw(runs), "overlay"),
         "Smoothed K of the estimator that corrects the law, otherwise of the first; the dotted line is the onset of a failure.",
     )
-    settings = differing(runs)
+    settings, sources = differing(runs), different_sources(runs)
     same = () if settings.rows else ("All settings are the same.",)
     return Document(
         f"Compared: {names}",
         (
             Section("Outcomes", outcomes, (metrics_table(runs),)),
             Section("Flights", (), (figure,)),
-            Section("Settings", same, (settings,) if settings.rows else ()),
+            Section("Settings", (*same, *((sources,) if sources else ())), (settings,) if settings.rows else ()),
         ),
         {
             "runs": ", ".join(str(run.folder) for run in runs),

@@ -58,6 +58,7 @@ def run_report(result: Result) -> Document:
         "flown": f"{summary.flown_s:g} s in {summary.wall_time_s:.2f} s, {summary.real_time_factor:.0f} times real time",
         **({"real time": pace_text(summary.realtime, summary.flown_s)} if summary.realtime else {}),
         "aircraft": f"{result.plan.aircraft.name}, SHA-256 {summary.aircraft_sha256}",
+        **({"notes": "; ".join(result.plan.notes)} if result.plan.notes else {}),
         **{f"own code {own.name}": f"SHA-256 {own.sha256 or 'unknown'}" for own in summary.extensions},
         "versions": summary.versions,
     }

@@ -2,85 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
-
 from flightbed.config import families
-from flightbed.config.kinds import LOAD_FACTOR_LAWS, Command, EstimatorSettings, RollCommand, SideslipCommand
+from flightbed.config.kinds import (
+    LAWS,
+    LawSettings,
+)
 from flightbed.core.errors import did_you_mean
-from flightbed.core.harmonics import MOST_HARMONICS, harmonics
-from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.estimates import detectors
 from flightbed.scenario.tables import Scenario
-
-_PULSES = {"amplitude_deg_s", "start_s", "period_s", "count"}
-_BAND = _PULSES | {"low_hz", "high_hz"}
-_BINARY = {"switch_s", "register_bits", "seed"}
-_COMMAND_KEYS = _BAND | _BINARY  # keys that some kinds do not use
-_COMMAND_USES = {
-    "none": set[str](),
-    "constant": {"amplitude_deg_s", "start_s"},
-    "pulse": {"amplitude_deg_s", "start_s", "period_s"},
-    "doublet": _PULSES,
-    "3-2-1-1": _PULSES,
-    "chirp": _BAND,
-    "multisine": _BAND,
-    "dither": _BAND - {"count"},
-    "random": _PULSES - {"period_s"} | _BINARY,
-}
-_FIXED_PRIOR = ("first_reading", "alpha_deg", "q_deg_s", "alpha_std_deg", "q_std_deg_s")
-# Keys that each kind of failure requires besides at_s. Kinds of installed packages may use any key.
-_FAILURE_NEEDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "effectiveness": ("to",),
-        "ramp": ("to",),
-        "structural": ("to", "force_to"),
-        "cg-shift": ("shift_cbar",),
-        "stuck": (),
-        "floating": (),
-        "hardover": ("side",),
-        "rate-limit": ("to",),
-        "bias": ("bias_deg",),
-    }
-)
-_FAILURE_MAY: Mapping[str, tuple[str, ...]] = MappingProxyType({"ramp": ("over_s",)})
-_FAILURE_KEYS = ("to", "force_to", "over_s", "shift_cbar", "side", "bias_deg")
-_ELEVATOR_ONLY = ("structural", "cg-shift")
-_LATERAL_SENSORS = ("beta_std_deg", "p_std_deg_s", "r_std_deg_s", "aileron_std_deg", "rudder_std_deg")
-# Keys of the law nz-adaptive alone, and of flights commanded in g alone.
-_IDENTIFICATION = (
-    "prior", "prior_var", "process_var", "output_var", "block_fade", "form", "precision", "patience", "gain_filter_rad_s",
-    "command_filter_rad_s",
-)  # fmt: skip
-_AUTOTHROTTLE = ("low_norm", "high_norm", "then_fps", "then_at_s")
-_PLID_ONLY = ("block_fade", "form", "precision")
-_WEIGHTS = ("alpha_deg", "q_deg_s", "elevator_deg")
-_LATERAL_DISTURBANCES = ("beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_disturbance_deg_s2")
-_LOOP_GAIN_ONLY = ("input", "input_at", "alarm_threshold", "follow_disturbances", "hold_std")
-_TWO_STAGE_ONLY = (*_LATERAL_DISTURBANCES, "variance_min", "variance_max", "walk_std", "false_alarm")
-_PRIOR = ("prior.state", *(f"prior.{key}" for key in _FIXED_PRIOR))
-# Keys that a kind of estimator never uses, whatever its other settings; kinds of installed packages may use any key.
-_UNUSED_BY_ESTIMATOR: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "loop-gain": (*_TWO_STAGE_ONLY, *_PLID_ONLY, *reconstruction_checks.KEYS),
-        "differentiated-rls": (
-            *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PLID_ONLY, *_PRIOR, "memory", "window", "alpha_disturbance_deg_s",
-            "q_disturbance_deg_s2", *reconstruction_checks.KEYS,
-        ),
-        "two-stage": (
-            "input", "input_at", "alarm_threshold", "hold_std", *_PRIOR, "prior.effectiveness", *_PLID_ONLY,
-            *reconstruction_checks.KEYS,
-        ),
-        "plid": (
-            *_LOOP_GAIN_ONLY, *_TWO_STAGE_ONLY, *_PRIOR, "memory", "window", "forgetting", "alpha_disturbance_deg_s",
-            *reconstruction_checks.KEYS,
-        ),
-    }
-)  # fmt: skip
-# Values of "memory" for each kind; a kind that is not listed does not use the key.
-_MEMORIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {"loop-gain": ("window", "expanding", "fading"), "two-stage": ("expanding", "fading", "variable")}
-)
 
 
 def conflicts(scenario: Scenario) -> list[str]:
@@ -91,88 +20,61 @@ def conflicts(scenario: Scenario) -> list[str]:
         problems.append(f"duration_s: must be a whole number of ticks of 1/{hz} s (got {scenario.duration_s:g})")
     times = {f"failures.{i}.at_s": failure.at_s for i, failure in enumerate(scenario.failures)}
     times |= {f"gusts.{i}.at_s": gust.at_s for i, gust in enumerate(scenario.gusts)}
-    if scenario.control.autothrottle.then_fps:
-        times["control.autothrottle.then_at_s"] = scenario.control.autothrottle.then_at_s
+    times |= {f"control.{key}": at_s for key, at_s in scenario.control.times.items()}
     problems += [
         f"{key}: must be no later than the last tick, {(ticks - 1) / hz:g} s (got {at_s:g})"
         for key, at_s in times.items()
         if at_s * hz > ticks - 1 + 1e-6
     ]
-    for i, failure in enumerate(scenario.failures):
-        problems += [
-            f"failures.{i}.{key}: is missing; a failure of kind '{failure.kind}' needs it"
-            for key in _FAILURE_NEEDS.get(failure.kind, ())
-            if key not in failure.model_fields_set
-        ]
-    problems += _surface_conflicts(scenario)
-    problems += reconstruction_checks.conflicts(scenario)
-    problems += _command_conflicts(scenario.command, hz)
-    if scenario.lateral.enabled:
-        problems += _command_conflicts(scenario.lateral.roll, hz, "lateral.roll")
-        problems += _command_conflicts(scenario.lateral.sideslip, hz, "lateral.sideslip")
+    for place, kind in scenario.kinds():
+        problems += kind.conflicts(place, scenario.surroundings)
     names = [estimator.name for estimator in scenario.estimators]
-    for i, estimator in enumerate(scenario.estimators):
-        if estimator.name in names[:i]:
-            problems.append(f"estimators.{i}.name: must be unique (got '{estimator.name}' twice)")
-        problems += _estimator_conflicts(f"estimators.{i}", estimator, lateral=scenario.lateral.enabled)
-    control, adaptation = scenario.control, scenario.adaptation
-    if control.state_from and control.state_from not in names:
-        problems.append(_no_estimator("control.state_from", control.state_from, names))
+    problems += [
+        f"estimators.{i}.name: must be unique (got '{name}' twice)" for i, name in enumerate(names) if name in names[:i]
+    ]
+    problems += references(scenario).values()
+    control = scenario.control
     problems += _redesign_conflicts(scenario)
-    problems += _load_factor_conflicts(scenario)
-    problems += _options_of_built_ins(scenario)
-    if control.gains is not None and control.poles is not None:
+    if control.identifies and scenario.adaptation.enabled:
         problems.append(
-            "control.poles: cannot be combined with control.gains, which replace the design; give one of them"
+            f"adaptation.enabled: must be false with control.law = '{control.law}', which identifies its own model (got true)"
         )
-    if adaptation.enabled and not adaptation.oracle and adaptation.estimator not in names:
-        problems.append(_no_estimator("adaptation.estimator", adaptation.estimator, names))
+    problems += _correction_conflicts(scenario)
     return problems
 
 
-def _estimator_conflicts(place: str, estimator: EstimatorSettings, *, lateral: bool) -> list[str]:
-    kind, memory, problems = estimator.kind, estimator.memory, []
-    if kind == "loop-gain" and estimator.model == "scheduled" and estimator.input == "deviation":
-        problems.append(
-            f"{place}.input: must be 'absolute' with model = 'scheduled', which has no trim point (got 'deviation')"
-        )
-    if memory not in (known := _MEMORIES.get(kind, (memory,))):
-        choice = f"{', '.join(map(repr, known[:-1]))} or {known[-1]!r}"
-        problems.append(f"{place}.memory: must be {choice} with kind = '{kind}' (got '{memory}')")
-    if kind == "two-stage" and memory == "variable" and not estimator.variance_min < estimator.variance_max:
-        problems.append(
-            f"{place}.variance_min: must be below variance_max = {estimator.variance_max:g} (got {estimator.variance_min:g})"
-        )
-    if kind == "two-stage" and lateral and estimator.model != "scheduled":
-        problems.append(
-            f"{place}.model: must be 'scheduled' with kind = 'two-stage' and lateral.enabled = true (got '{estimator.model}')"
-        )
-    return problems
+def references(scenario: Scenario) -> dict[str, str]:
+    """Return key -> its problem, for keys that name an estimator which does not exist, even where the key has no effect."""
+    adaptation, names = scenario.adaptation, [estimator.name for estimator in scenario.estimators]
+    named = {"control.state_from": scenario.control.state_from, "adaptation.estimator": adaptation.estimator}
+    corrected = adaptation.enabled and not adaptation.oracle
+    return {
+        key: f"{key}: no estimator is named '{name}'{did_you_mean(name, names)}; known: {', '.join(names) or 'none'}"
+        for key, name in named.items()
+        if name not in names and (name or (key == "adaptation.estimator" and corrected))
+    }
 
 
-def _surface_conflicts(scenario: Scenario) -> list[str]:
-    problems = []
-    for i, failure in enumerate(scenario.failures):
-        if failure.surface == "elevator":
-            continue
-        if failure.kind in _ELEVATOR_ONLY:
-            problems.append(
-                f"failures.{i}.surface: must be 'elevator' with kind = '{failure.kind}' (got '{failure.surface}')"
-            )
-        elif not scenario.lateral.enabled:
-            problems.append(
-                f"failures.{i}.surface: the stock laws control aileron and rudder (got '{failure.surface}'); set lateral.enabled to true"
-            )
-    return problems
+def _correction_conflicts(scenario: Scenario) -> list[str]:
+    adaptation, estimators = scenario.adaptation, {e.name: e for e in scenario.estimators}
+    if not adaptation.enabled or adaptation.oracle or adaptation.estimator not in estimators:
+        return []
+    if not estimators[adaptation.estimator].corrects:
+        return [
+            f"adaptation.estimator: must estimate the elevator's effectiveness (got '{adaptation.estimator}', which does not)"
+        ]
+    return []
 
 
 def _redesign_conflicts(scenario: Scenario) -> list[str]:
     adaptation, problems = scenario.adaptation, []
     if not (adaptation.enabled and adaptation.method == "redesign"):
         return []
-    if scenario.control.law != "lq":
+    if not scenario.control.can_redesign:
+        laws = {name: LAWS.of(name) for name in families.built_in("laws")}
+        able = " or ".join(f"'{n}'" for n, law in laws.items() if issubclass(law, LawSettings) and law.can_redesign)
         problems.append(
-            f"control.law: must be 'lq' with adaptation.method = 'redesign', which redesigns it (got '{scenario.control.law}')"
+            f"control.law: must be {able} with adaptation.method = 'redesign', which redesigns it (got '{scenario.control.law}')"
         )
     if adaptation.oracle:
         problems.append(
@@ -185,179 +87,3 @@ def _redesign_conflicts(scenario: Scenario) -> list[str]:
             f"adaptation.estimator: must raise alarms with method = 'redesign' (got '{adaptation.estimator}', which has no alarm test)"
         )
     return problems
-
-
-def _load_factor_conflicts(scenario: Scenario) -> list[str]:
-    control, adaptation, problems = scenario.control, scenario.adaptation, []
-    if control.law not in LOAD_FACTOR_LAWS:
-        return []
-    if control.law == "nz-adaptive" and adaptation.enabled:
-        problems.append(
-            "adaptation.enabled: must be false with control.law = 'nz-adaptive', which identifies its own model (got true)"
-        )
-    if control.poles is not None and len(control.poles) != 3:
-        problems.append(
-            f"control.poles: must be three with control.law = '{control.law}': two states and the integral (got {len(control.poles)})"
-        )
-    if control.poles is not None:
-        pairs = [complex(*pole) for pole in control.poles]
-        if any(pairs.count(pole) != pairs.count(pole.conjugate()) for pole in pairs):
-            problems.append(
-                f"control.poles: complex ones must come in conjugate pairs, [re, im] and [re, -im] (got {[list(p) for p in control.poles]})"
-            )
-    throttle = control.autothrottle
-    if throttle.enabled and not throttle.low_norm < throttle.high_norm:
-        problems.append(
-            f"control.autothrottle.low_norm: must be below high_norm = {throttle.high_norm:g} (got {throttle.low_norm:g})"
-        )
-    return problems
-
-
-def _options_of_built_ins(scenario: Scenario) -> list[str]:
-    tables = [
-        ("command", "commands", "kind", scenario.command.kind, scenario.command.options),
-        ("lateral.roll", "commands", "kind", scenario.lateral.roll.kind, scenario.lateral.roll.options),
-        ("lateral.sideslip", "commands", "kind", scenario.lateral.sideslip.kind, scenario.lateral.sideslip.options),
-        ("control", "laws", "law", scenario.control.law, scenario.control.options),
-        *((f"failures.{i}", "failures", "kind", f.kind, f.options) for i, f in enumerate(scenario.failures)),
-        *((f"estimators.{i}", "estimators", "kind", e.kind, e.options) for i, e in enumerate(scenario.estimators)),
-    ]
-    return [
-        f"{place}.options: {key} '{name}' takes no options (got {', '.join(options)}); only external code has them"
-        for place, family, key, name, options in tables
-        if options and families.is_built_in(family, name)
-    ]
-
-
-def _no_estimator(place: str, name: str, names: Sequence[str]) -> str:
-    return f"{place}: no estimator is named '{name}'{did_you_mean(name, names)}; known: {', '.join(names) or 'none'}"
-
-
-def _command_conflicts(command: Command | RollCommand | SideslipCommand, hz: int, place: str = "command") -> list[str]:
-    kind = command.kind
-    shortest = {"doublet": ("period_s", 2), "3-2-1-1": ("period_s", 7), "random": ("switch_s", 1)}
-    if kind in shortest:
-        key, parts = shortest[kind]
-        value: float = getattr(command, key)
-        if value * hz < parts - 1e-6:
-            return [
-                f"{place}.{key}: must be at least {parts / hz:g}, so that each pulse lasts at least one tick (got {value:g})"
-            ]
-    if kind not in ("chirp", "multisine", "dither"):
-        return []
-    problems = []
-    if command.high_hz >= 0.5 * hz:
-        problems.append(
-            f"{place}.high_hz: must be below {0.5 * hz:g}, half of rates.control_hz (got {command.high_hz:g})"
-        )
-    if command.low_hz > command.high_hz:
-        problems.append(
-            f"{place}.low_hz: must be no higher than high_hz = {command.high_hz:g} (got {command.low_hz:g})"
-        )
-    elif kind != "chirp":
-        found = len(harmonics(low_hz=command.low_hz, high_hz=command.high_hz, period_s=command.period_s))
-        if not 1 <= found <= MOST_HARMONICS:
-            cure = "widen the band or lengthen the period" if found == 0 else "narrow the band or shorten the period"
-            problems.append(
-                f"{place}.period_s: the band from low_hz to high_hz must hold 1 to {MOST_HARMONICS} multiples of 1/period_s "
-                f"(got {found}); {cure}"
-            )
-    return problems
-
-
-def unused_keys(scenario: Scenario) -> dict[str, str]:
-    """Return key without effect -> setting that disables it."""
-    lateral, adaptation = scenario.lateral, scenario.adaptation
-    keys = _unused_in_command("command", scenario.command)
-    if lateral.enabled:
-        keys |= _unused_in_command("lateral.roll", lateral.roll) | _unused_in_command(
-            "lateral.sideslip", lateral.sideslip
-        )
-    else:
-        own = {f"lateral.{key}" for key in type(lateral).model_fields if key != "enabled"}
-        own |= {f"lateral.{axis}.{key}" for axis in ("roll", "sideslip") for key in type(lateral.roll).model_fields}
-        own |= {f"sensors.{key}" for key in _LATERAL_SENSORS} | {"lateral.sideslip.amplitude_deg"}
-        keys |= dict.fromkeys(sorted(own), "lateral.enabled = false")
-    if scenario.control.gains is not None:
-        keys["control.integral_pole_rad_s"] = "control.gains"
-    if scenario.control.law == "proportional":
-        keys |= {f"control.{key}": "control.law = 'proportional'" for key in ("integral_pole_rad_s", "gains.integral")}
-    if not adaptation.enabled:
-        idle = ("estimator", "method", "floor", "feedback", "caution", "oracle", "limit_command")
-        keys |= {f"adaptation.{key}": "adaptation.enabled = false" for key in idle}
-    elif adaptation.method == "redesign":
-        unused = ("feedback", "caution", "limit_command")
-        keys |= {f"adaptation.{key}": "adaptation.method = 'redesign'" for key in unused}
-    elif adaptation.oracle:
-        keys |= {f"adaptation.{key}": "adaptation.oracle = true" for key in ("estimator", "caution")}
-    if scenario.control.law != "lq" and families.is_built_in("laws", scenario.control.law):
-        keys |= {f"control.weights.{key}": f"control.law = '{scenario.control.law}'" for key in _WEIGHTS}
-    keys |= _unused_in_g(scenario)
-    if scenario.control.law == "lq":
-        keys |= {f"control.{key}": "control.law = 'lq'" for key in ("poles", "gains", "integral_pole_rad_s")}
-    for i, failure in enumerate(scenario.failures):
-        if failure.kind not in _FAILURE_NEEDS:  # a kind of another package may use any key
-            continue
-        used = (*_FAILURE_NEEDS[failure.kind], *_FAILURE_MAY.get(failure.kind, ()))
-        useless = [key for key in _FAILURE_KEYS if key not in used]
-        useless += ["surface"] if failure.kind == "cg-shift" else []
-        keys |= {f"failures.{i}.{key}": f"failures.{i}.kind = '{failure.kind}'" for key in useless}
-    for i, gust in enumerate(scenario.gusts):
-        keys |= reconstruction_checks.unused_in_gust(f"gusts.{i}", gust)
-    for i, estimator in enumerate(scenario.estimators):
-        place = f"estimators.{i}"
-        idle_here = _unused_in_estimator(place, estimator, lateral=lateral.enabled)
-        keys |= {f"{place}.{key}": why for key, why in idle_here.items()}
-    return keys
-
-
-def _unused_in_estimator(place: str, estimator: EstimatorSettings, *, lateral: bool) -> dict[str, str]:
-    kind = estimator.kind
-    keys = dict.fromkeys(_UNUSED_BY_ESTIMATOR.get(kind, ()), f"{place}.kind = '{kind}'")
-    only_with = {
-        "loop-gain": {"window": "window", "alarm_threshold": "window", "forgetting": "fading"},
-        "two-stage": {"forgetting": "fading", "variance_min": "variable", "variance_max": "variable"},
-    }
-    for key, memory in only_with.get(kind, {}).items():
-        if estimator.memory != memory:
-            keys[key] = f"{place}.memory = '{estimator.memory}'"
-    if kind == "two-stage" and not lateral:
-        keys |= dict.fromkeys(_LATERAL_DISTURBANCES, "lateral.enabled = false")
-    keys |= reconstruction_checks.unused_in_estimator(place, estimator, *_PRIOR, *_PLID_ONLY, *_LATERAL_DISTURBANCES)
-    if kind == "loop-gain" and estimator.prior.state == "measurement":
-        keys |= {f"prior.{key}": f"{place}.prior.state = 'measurement'" for key in _FIXED_PRIOR}
-    return keys
-
-
-def _unused_in_g(scenario: Scenario) -> dict[str, str]:
-    """Return the idle keys that depend on whether the flight is commanded in g -> setting that disables them."""
-    law, why = scenario.control.law, f"control.law = '{scenario.control.law}'"
-    identification = {f"control.identification.{key}" for key in _IDENTIFICATION}
-    idle: set[str] = set()
-    if law in LOAD_FACTOR_LAWS:
-        idle |= {"command.amplitude_deg_s", "control.integral_pole_rad_s", "adaptation.feedback"}
-        idle |= {f"control.gains.{key}" for key in ("alpha", "q_s", "elevator", "reference_s", "integral")} | {
-            "control.gains"
-        }
-        idle |= identification if law != "nz-adaptive" else set()
-    elif families.is_built_in("laws", law):
-        idle |= {"command.amplitude_g", *identification, "control.autothrottle.enabled"}
-        idle |= {f"control.autothrottle.{key}" for key in _AUTOTHROTTLE}
-        if all(families.is_built_in("estimators", estimator.kind) for estimator in scenario.estimators):
-            idle.add("sensors.nz_std_g")
-    keys = dict.fromkeys(sorted(idle), why)
-    throttle = scenario.control.autothrottle
-    if law in LOAD_FACTOR_LAWS and not throttle.enabled:
-        keys |= {f"control.autothrottle.{key}": "control.autothrottle.enabled = false" for key in _AUTOTHROTTLE}
-    elif law in LOAD_FACTOR_LAWS and not throttle.then_fps:
-        keys["control.autothrottle.then_at_s"] = "control.autothrottle.then_fps = 0"
-    return keys
-
-
-def _unused_in_command(place: str, command: Command | RollCommand | SideslipCommand) -> dict[str, str]:
-    unused = _COMMAND_KEYS - _COMMAND_USES.get(command.kind, _COMMAND_KEYS)
-    if "amplitude_deg" in type(command).model_fields:
-        unused = {"amplitude_deg" if key == "amplitude_deg_s" else key for key in unused}
-    elif "amplitude_deg_s" in unused:
-        unused = unused | {"amplitude_g"}
-    return {f"{place}.{key}": f"{place}.kind = '{command.kind}'" for key in unused}

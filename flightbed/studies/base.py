@@ -13,6 +13,7 @@ from typing import Any, Self, TypeVar
 from flightbed.analysis.seeds import Flown, Job, fly_jobs, run_jobs
 from flightbed.config.families import factory, in_use, names
 from flightbed.core.errors import InputError
+from flightbed.core.sources import source_sha256
 from flightbed.core.versions import versions
 from flightbed.document.document import Document, Section
 from flightbed.parallel.executor import Opener
@@ -198,6 +199,7 @@ def reproduce(
         "seeds": "of each case from 0 on",
         "wall_time_s": round(time.perf_counter() - began, 1),
         "versions": dict(versions()),
+        "source_sha256": source_sha256(),
         **({"extensions": {own.name: own.sha256 for own in in_use().values()}} if in_use() else {}),
     }
     return Document(study.title, sections, facts)

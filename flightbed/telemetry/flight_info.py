@@ -16,7 +16,7 @@ from flightbed.analysis.summary_text import plan_text, run_text
 from flightbed.analysis.trace import Trace
 from flightbed.core.actuator import Actuator
 from flightbed.core.units import DEG
-from flightbed.failures.base import ACTUATOR_FAILURES, failure_tick
+from flightbed.failures.base import failure_tick
 from flightbed.flight.plan import Plan
 from flightbed.scenario.estimates import detectors, estimates
 from flightbed.telemetry.channels import Plot, plots
@@ -85,12 +85,12 @@ class FlightInfo:
             estimators=estimates(scenario),
             detectors=detectors(scenario),
             gusts=bool(scenario.gusts),
-            moves_cg=any(failure.kind == "cg-shift" for failure in scenario.failures),
+            moves_cg=any(failure.moves_cg for failure in scenario.failures),
             actuators=dict(plan.actuators),
             faults_s={
                 surface: min(failure_tick(failure, hz) / hz for failure in faults)
                 for surface in plan.actuators
-                if (faults := [f for f in scenario.failures if f.surface == surface and f.kind in ACTUATOR_FAILURES])
+                if (faults := [f for f in scenario.failures if f.actuator == surface])
             },
             control_hz=hz,
             m_delta=float(plan.design.b[1]),

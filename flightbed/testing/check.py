@@ -21,12 +21,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard, cast
 
 import numpy as np
 
 from flightbed.avionics.onboard import OnBoard
-from flightbed.config.kinds import EstimatorSettings
+from flightbed.config import families
+from flightbed.config.kinds import EstimatorSettings, PlainEstimator
 from flightbed.config.own_code import using
 from flightbed.config.tracebacks import error_line
 from flightbed.core.errors import ExtensionError
@@ -38,7 +39,7 @@ from flightbed.flight.plan import Plan, plan
 from flightbed.scenario.reading import load_scenario
 from flightbed.testing.readings import FAILS_AT, out_of_range_readings, readings_of_flights
 
-Factory = Callable[[EstimatorSettings, OnBoard], Estimator]
+Factory = Callable[[PlainEstimator, OnBoard], Estimator] | type[EstimatorSettings]
 
 _NAME = "estimator-under-test"
 _LONG = 4000  # ticks before the first measurement of memory
@@ -105,16 +106,17 @@ def check_estimator(
     - ``onboard`` is unchanged afterwards;
     - two estimators with the same readings give the same estimates to the last bit, alone or alternating with an estimator of another
       flight: they share no state, and each draws its random numbers from its own generator with a fixed seed;
-    - memory does not grow in flight, after the first 40 s and ``settings.window``;
+    - memory does not grow in flight, after the first 40 s and ``constant_over`` ticks of a settings class;
     - the fastest of 40 updates takes less than one tick (the result gives the median).
 
     Two properties hold by construction: an estimate cannot depend on later readings, and readings cannot be modified, because ``update``
     gets them one by one, as tuples.
 
     Args:
-        factory: makes an estimator from ``(settings, onboard)``: your class, or a function, as a scenario names it.
+        factory: makes an estimator from ``(settings, onboard)``: your class, or a function, as a scenario names it; or your settings class,
+            whose ``build(onboard)`` makes it.
         settings: the table ``[[estimators]]`` as a mapping, such as ``{"model": "short-period", "options": {"gain": 2.0}}``, or as
-            EstimatorSettings; ``name`` and ``kind`` do not matter.
+            PlainEstimator or an object of your settings class; ``name`` and ``kind`` do not matter.
         jsbsim: whether to fly the nonlinear aircraft too.
 
     Returns:
@@ -126,8 +128,9 @@ def check_estimator(
 
     """
     raw = settings.model_dump() if isinstance(settings, EstimatorSettings) else dict(settings or {})
-    table = {**raw, "name": _NAME, "kind": _NAME}
-    with using({_NAME: factory}):
+    kind = _kind(factory)
+    table = {**raw, "name": _NAME, "kind": kind}
+    with using({_NAME: factory} if kind == _NAME else {}):
         planned = plan(
             load_scenario(
                 {
@@ -155,15 +158,19 @@ def _check(factory: Factory, planned: Plan, found: _Findings) -> Checked | None:
     settings, hz = scenario.estimators[0], scenario.rates.control_hz
     onboard = OnBoard(planned.design, sensor_noise(scenario), hz, planned.schedule)
 
+    make = (lambda s, o: s.build(o)) if _is_settings(factory) else cast("Callable[[Any, OnBoard], Any]", factory)
+
     def new() -> Estimator:
-        return factory(settings, onboard)
+        made: Estimator = make(settings, onboard)
+        return made
 
     try:
         if not callable(getattr(new(), "update", None)):
             found.add("update", f"a {type(new()).__name__} has no such method", "give it a method update(measurement)")
             return None
     except Exception as error:
-        found.add("building", f"{_place(error)}{error_line(error)}", "accept the arguments (settings, onboard)")
+        cure = "accept build(onboard)" if _is_settings(factory) else "accept the arguments (settings, onboard)"
+        found.add("building", f"{_place(error)}{error_line(error)}", cure)
         return None
     before, flights = _fingerprint(onboard), readings_of_flights(onboard)
     with found.in_flight("K drops to 0.5"):  # first: the other checks take too long with a slow estimator
@@ -183,7 +190,7 @@ def _check(factory: Factory, planned: Plan, found: _Findings) -> Checked | None:
         return None
     half = estimates["K drops to 0.5"]
     _repeatable(new, flights, estimates, found)
-    _growth(new, flights["healthy"], settings.window, found)
+    _growth(new, flights["healthy"], settings.constant_over or 0, found)
     times = _times(new, flights["K drops to 0.5"])
     k_half = np.array([e.effectiveness for e in half])
     alarmed = next((tick for tick, e in enumerate(half) if tick >= FAILS_AT and e.alarms > half[tick - 1].alarms), None)
@@ -194,6 +201,17 @@ def _check(factory: Factory, planned: Plan, found: _Findings) -> Checked | None:
         final_at_half=float(k_half[-1]),
         detected_after_s=None if alarmed is None else (alarmed - FAILS_AT) / hz,
     )
+
+
+def _is_settings(factory: Factory) -> TypeGuard[type[EstimatorSettings]]:
+    return isinstance(factory, type) and issubclass(factory, EstimatorSettings)
+
+
+def _kind(factory: Factory) -> str:
+    """Return the kind of a registered settings class; another factory gets the name of this check."""
+    kind = factory.model_fields["kind"].default if _is_settings(factory) else _NAME
+    registered = families.is_taken("estimators", kind) and families.factory("estimators", kind) is factory
+    return str(kind) if registered else _NAME
 
 
 def _fingerprint(onboard: OnBoard) -> dict[str, bytes]:

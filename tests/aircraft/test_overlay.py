@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import shutil
+import xml.etree.ElementTree as ET
+from collections import Counter
 from pathlib import Path
 
 import jsbsim
@@ -179,6 +182,36 @@ def test_a_stock_model_with_another_hash_is_refused(f16: Aircraft) -> None:
         ),
         ({"do": "remove-functions", "functions": ["aero/nope"]}, "no function aero/nope"),
         ({"do": "remove-systems", "systems": ["nope"]}, "no system nope"),
+        (
+            {"do": "remove", "elements": "ground_reactions/contact", "count": 9},
+            r"edits\.0 \(remove\): expected 9 times ground_reactions/contact, found 10; correct elements or count$",
+        ),
+        (
+            {"do": "remove", "elements": "ground_reaction/contact", "count": 10},
+            "expected 10 times ground_reaction/contact, found 0; correct elements or count$",
+        ),
+        (
+            {"do": "remove", "elements": "flight_control/channel", "names": ["Hook", "Canopi"]},
+            r"expected one flight_control/channel named Canopi, found 0; did you mean Canopy\?$",
+        ),
+        (
+            {"do": "remove", "elements": "flight_control/channel", "names": ["zzz"]},
+            "expected one flight_control/channel named zzz, found 0; correct elements or names$",
+        ),
+        (
+            {"do": "remove", "elements": "external_reactions/force/location", "names": [""]},
+            r"expected one external_reactions/force/location named , found \d; correct elements or names$",
+        ),
+        ({"do": "remove", "elements": "flight_control/channel"}, r"needs either names or count \(got neither\)$"),
+        ({"do": "remove", "elements": "system", "names": ["x"], "count": 1}, r"either names or count \(got both\)$"),
+        ({"do": "remove", "elements": "system", "count": 0}, r"count: must be a whole number of at least 1 \(got 0\)$"),
+        ({"do": "remove", "elements": "system", "count": True}, r"at least 1 \(got True\)$"),
+        ({"do": "remove", "elements": "system", "count": "2"}, r"at least 1 \(got '2'\)$"),
+        ({"do": "remove", "elements": "flight_control/channel", "names": "Hook"}, r"list of texts \(got 'Hook'\)$"),
+        ({"do": "remove", "elements": "flight_control/channel", "names": [1]}, r"list of texts \(got \[1\]\)$"),
+        ({"do": "remove", "elements": "flight_control/channel[1]", "count": 1}, "elements: must be tags from the root"),
+        ({"do": "remove", "elements": 3, "count": 1}, r"elements: must be tags from the root.*\(got 3\)$"),
+        ({"do": "remove", "count": 3}, "needs 'elements'"),
         ({"do": "frobnicate"}, "frobnicate"),
         ({"do": "declare", "value": 1.0}, "needs 'property'"),
     ],
@@ -186,8 +219,25 @@ def test_a_stock_model_with_another_hash_is_refused(f16: Aircraft) -> None:
 def test_an_edit_that_does_not_fit_names_itself(f16: Aircraft, edit: dict[str, object], message: str) -> None:
     broken = dataclasses.replace(f16, edits=(edit,))
     stock = Path(jsbsim.get_default_root_dir(), f16.stock_file).read_bytes()
-    with pytest.raises(AircraftError, match=message):
+    with pytest.raises(AircraftError, match=message) as caught:
         broken.patch(stock)
+    assert "\n" not in str(caught.value)
+
+
+def test_remove_takes_the_named_elements_or_all_and_nothing_else(f16: Aircraft) -> None:
+    stock = Path(jsbsim.get_default_root_dir(), f16.stock_file).read_bytes()
+
+    def tags(*edits: dict[str, object]) -> Counter[str]:
+        return Counter(e.tag for e in ET.fromstring(dataclasses.replace(f16, edits=edits).patch(stock)).iter())
+
+    whole = tags()
+    by_count = {"do": "remove", "elements": "system", "count": 2}
+    assert whole - tags(by_count) == Counter(system=2, property=3)  # with what they hold
+    named = {"do": "remove", "elements": "aerodynamics/axis/function", "names": ["aero/coefficient/CDgear"]}
+    missing = whole - tags(named)
+    assert missing["function"] == 1
+    assert missing["table"] == 0
+    assert whole - tags(by_count, named) == missing + Counter(system=2, property=3)
 
 
 def test_a_folder_of_the_users_own_works(tmp_path: Path) -> None:
@@ -204,6 +254,17 @@ def test_a_folder_of_the_users_own_works(tmp_path: Path) -> None:
     assert slow.sha256 != load_aircraft("f16").sha256
 
 
+def test_the_list_of_equal_overlays_is_not_part_of_the_fingerprint(tmp_path: Path, f16: Aircraft) -> None:
+    own = tmp_path / "own"
+    shutil.copytree(data.find("aircraft", "f16"), own)
+    text = (own / "aircraft.toml").read_text()
+    for entries in ([], ["0" * 64, "ab" * 32]):
+        (own / "aircraft.toml").write_text(re.sub(r"equal_to = .*", f"equal_to = {entries}", text))
+        found = load_aircraft(str(own))
+        assert found.equal_to == tuple(entries)
+        assert found.sha256 == f16.sha256
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
@@ -213,6 +274,11 @@ def test_a_folder_of_the_users_own_works(tmp_path: Path) -> None:
         ("aircraft.toml", "rate_limit_deg_s = 60.0", "", r"elevator\.rate_limit_deg_s is missing"),
         ("aircraft.toml", '"pitch.xml"', '"pich.xml"', r"refers to the file pich\.xml; put it into the same folder"),
         ("aircraft.toml", "name =", "name", r"aircraft\.toml: "),
+        ("aircraft.toml", 'equal_to = ["1', 'equal_to = ["G', r"aircraft\.toml: equal_to\.0: must be a fingerprint, 64 digits of 0-9 and a-f \(got 'G"),
+        ("aircraft.toml", 'equal_to = ["1', 'equal_to = ["11', r"equal_to\.0: must be a fingerprint"),
+        ("aircraft.toml", 'equal_to = ["', 'equal_to = [7, "', r"equal_to\.0: must be a fingerprint.*\(got 7\); copy aircraft\.sha256"),
+        ("aircraft.toml", 'equal_to = [', 'equal_to = "x" # [', r"aircraft\.toml: equal_to: must be a list of fingerprints \(got 'x'\)"),
+        ("aircraft.toml", 'equal_to = [', 'equals_to = [', r"unknown key equals_to"),
         ("pitch.xml", "fcs/elevator-effectiveness", "fcs/elevator-effectivenes", r"pitch\.xml: JSBSim has no property fcs/elevator-effectivenes"),
         ("pitch.xml", "</channel>", "", r"edits\.\d+ \(replace-channel\): no element found|aircraft own: "),
     ],

@@ -15,7 +15,7 @@ from flightbed.analysis import seeds
 from flightbed.analysis.metrics import Metrics
 from flightbed.analysis.seeds import Flown, Job, fly_chunk, fly_jobs, histories, processes
 from flightbed.core.errors import ScenarioError
-from flightbed.core.versions import versions
+from flightbed.core.versions import identity
 from flightbed.runs.run import run
 from flightbed.scenario.reading import Scenario, load_scenario
 from tests.campaigns.test_journal import backwards
@@ -141,7 +141,7 @@ def test_an_interrupt_cancels_what_has_not_begun() -> None:
     def interrupted(_flights: int) -> None:
         raise KeyboardInterrupt
 
-    held = _Held(lambda future: future.set_result(([], dict(versions()))))
+    held = _Held(lambda future: future.set_result(([], dict(identity()))))
     with pytest.raises(KeyboardInterrupt):
         fly_jobs([Job(_scenario(), 40)], executor=held, progress=interrupted)
     assert [f.cancelled() for f in held.futures] == [False, True, True, True]

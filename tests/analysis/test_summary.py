@@ -15,6 +15,8 @@ from flightbed.analysis.metrics import Metrics
 from flightbed.analysis.result import Result
 from flightbed.analysis.summary import ExtensionSummary, RunSummary
 from flightbed.campaigns.run import fly
+from flightbed.core.environment import environment
+from flightbed.core.sources import source_sha256
 from flightbed.flight.pacing import WallClock
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
@@ -109,8 +111,16 @@ def test_metrics_json_is_read_back(name: str, summaries: dict[str, RunSummary], 
     assert (found.margins.aileron_and_rudder is not None) == (name == "lateral")
 
 
+def test_sources_and_environment_are_stored(summaries: dict[str, RunSummary]) -> None:
+    stored = summaries["pitch"].to_dict()
+    assert stored["source_sha256"] == source_sha256()
+    assert stored["environment"] == dict(environment())
+    assert {"platform", "libc", "jsbsim", "compiled for"} < set(stored["environment"])
+    assert stored["plug_ins"] == {}
+
+
 def test_own_code_is_read_back(summaries: dict[str, RunSummary]) -> None:
-    own = (ExtensionSummary("mine.py:E", "0123"), ExtensionSummary("at-hand", None))
+    own = (ExtensionSummary("mine.py:E", "0123", {"helper.py": "4567"}), ExtensionSummary("at-hand", None))
     summary = dataclasses.replace(summaries["pitch"], extensions=own)
     assert RunSummary.from_dict(json.loads(json.dumps(summary.to_dict()))) == summary
     assert summary.own_code == ("mine.py:E", "at-hand")
@@ -119,7 +129,7 @@ def test_own_code_is_read_back(summaries: dict[str, RunSummary]) -> None:
 LATER = (
     "estimators_since_s", "tracking_rms_pre_p_deg_s", "tracking_rms_post_p_deg_s", "tracking_rms_pre_beta_deg",
     "tracking_rms_post_beta_deg", "tracking_rms_pre_nz_g", "tracking_rms_post_nz_g", "pull_up_overshoot", "pull_up_undershoot",
-    "pull_up_disturbance_g", "pull_up_flutter_deg", "elevator_at_stop_share", "bank_max_deg", "extensions", "realtime", "margins",
+    "pull_up_disturbance_g", "pull_up_flutter_deg", "elevator_at_stop_share", "bank_max_deg", "extensions", "realtime", "source_sha256", "environment", "plug_ins", "margins",
 )  # fmt: skip
 
 
@@ -138,6 +148,7 @@ def test_a_folder_of_version_0_1_is_read(summaries: dict[str, RunSummary]) -> No
     now = summaries["pitch"]
     found = RunSummary.from_dict(_version_0_1(now))
     assert found.others == {"gone": {"a": 1}}
+    assert (found.source_sha256, found.environment, found.plug_ins) == (None, {}, {})
     assert (found.bank_max_deg, found.realtime, found.extensions, found.metrics.estimators_since_s) == (
         None,
         None,
@@ -169,7 +180,7 @@ def test_the_keys_of_metrics_json_and_their_order(summaries: dict[str, RunSummar
     assert list(summaries["pitch"].to_dict()) == [
         "scenario", "seed", *(f.name for f in dataclasses.fields(Metrics)), "snr_db", "ended", "failed_at_s", "flown_s",
         "elevator_at_stop_share", "bank_max_deg", "trim", "short_period", "gains", "extensions", "aircraft_sha256", "wall_time_s",
-        "real_time_factor", "realtime", "versions", "margins",
+        "real_time_factor", "realtime", "versions", "source_sha256", "environment", "plug_ins", "margins",
     ]  # fmt: skip
 
 
@@ -178,7 +189,7 @@ def test_a_campaign_is_summarized_once_from_its_rows() -> None:
     assert campaign.summary is campaign.summary
     found, stored = campaign.summary, campaign.summary.to_dict()
     assert list(stored)[:6] == ["scenario", "name", "campaign", "flights", "runs", "first_seed"]
-    assert list(stored)[-7:] == [
+    assert list(stored)[-10:] == [
         "bootstrap",
         "histories",
         "points",
@@ -186,6 +197,9 @@ def test_a_campaign_is_summarized_once_from_its_rows() -> None:
         "wall_time_s",
         "aircraft_sha256",
         "versions",
+        "source_sha256",
+        "extensions",
+        "plug_ins",
     ]
     assert found.flights.departed is not None
     assert stored["departed"]["count"] == found.flights.departed.count == 0

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.campaigns.file import load_programme, plain
 from flightbed.campaigns.plan import Programme, draw, flight_hash, scenario_of, values_of
 from flightbed.campaigns.settings import AxisSettings, CampaignSettings
 from flightbed.core import data
-from flightbed.core.errors import InputError, ScenarioError, UnknownNameError
+from flightbed.core.errors import AircraftError, InputError, ScenarioError, UnknownNameError
 from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import share
 from tests.lateral_flight import rolling
@@ -53,6 +54,26 @@ def test_crossed_axes_give_every_combination_the_last_fastest(tmp_path: Path) ->
     assert (flight.index, flight.point) == (13, 4)
     scenario = scenario_of(programme.raw, flight)
     assert (scenario.condition.mach, scenario.failures[0].to, scenario.seed) == (0.8, 0.4, flight.seed)
+
+
+@pytest.mark.parametrize("kind", ["campaign", "scenario"])
+def test_a_base_bound_to_an_equal_aircraft_is_bound_to_the_one_that_flies(
+    tmp_path: Path, kind: str, f16: Aircraft
+) -> None:
+    (earlier,) = f16.equal_to
+
+    def load(sha256: str) -> Programme:
+        sets = [f"aircraft.sha256='{sha256}'"]
+        return _load(tmp_path, HEAD + MACH, sets) if kind == "campaign" else plain(load_scenario("nominal", sets), 3)
+
+    programme = load(earlier)
+    assert programme.raw["aircraft"]["sha256"] == programme.scenario.aircraft.sha256 == f16.sha256
+    assert [note.partition(":")[0] for note in programme.notes] == ["aircraft.sha256"]
+    bound = load(f16.sha256)
+    assert bound.notes == ()
+    assert (bound.raw["aircraft"], bound.aircraft) == (programme.raw["aircraft"], programme.aircraft)
+    with pytest.raises(AircraftError, match="is not the aircraft of this scenario"):
+        load("0" * 64)
 
 
 def test_paired_axes_go_together(tmp_path: Path) -> None:
@@ -131,7 +152,7 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
         (MACH.replace("condition.mach", "condition.mch"), "axes.0: unknown key condition.mch; did you mean mach?"),
         (MACH.replace("condition.mach", "failures.3.to"), "axes.0: failures.3.to: '3' must be an index from 0 to 1 (1 adds one)"),
         (MACH.replace("condition.mach", "seed"), "axes.0.key: 'seed' cannot be varied; name the key of a single number or text"),
-        (MACH.replace("condition.mach", "failures.0.over_s"), "axes.0.key: failures.0.over_s has no effect with failures.0.kind = 'effectiveness'"),
+        (MACH.replace("condition.mach", "failures.0.over_s"), "axes.0.key: failures.0.over_s has no effect with kind = 'effectiveness'"),
         ('[[criteria]]\nmetric = "departd"\nequals = false\n', "criteria.0.metric: there is no metric 'departd'; did you mean departed?"),
         ('[[criteria]]\nmetric = "departed"\n', "criteria.0: needs equals, min or max"),
         ('[traces]\nkeep = "chosen"\nindices = [7]\n', "traces.indices: must be below 3, the number of flights (got 7)"),

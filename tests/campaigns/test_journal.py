@@ -30,7 +30,8 @@ from flightbed.core.errors import InputError, OutputError
 from flightbed.parallel.executor import Opener
 from flightbed.runs.run import run as fly_one
 from flightbed.scenario.reading import load_scenario
-from tests.command_line import COMMAND, flightbed, heed_interrupts
+from tests.command_line import COMMAND, call, heed_interrupts
+from tests.flights import campaigns_in_this_process
 
 SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]
 RUNS = 34  # four chunks, the last not whole
@@ -58,8 +59,15 @@ def programme() -> Programme:
     return plain(load_scenario("elevator-loss", SHORT), RUNS)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def in_this_process() -> Iterator[None]:
+    """Commands that a test starts have their own workers."""
+    with campaigns_in_this_process():
+        yield
+
+
 @pytest.fixture(scope="module")
-def whole(programme: Programme, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(programme: Programme, in_this_process: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a campaign without interruption."""
     return campaigns.run(programme, tmp_path_factory.mktemp("whole") / "x", workers=1)[1]
 
@@ -84,13 +92,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         return fly_chunk(chunk)
 
     monkeypatch.setattr(campaigns, "fly_chunk", flying)
-    _fly_here(monkeypatch)
     return numbers
-
-
-def _fly_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fly in this process: other processes do not know the test's replacements."""
-    monkeypatch.setattr(campaigns, "opener", lambda *_: lambda: nullcontext(None))
 
 
 def _stop_after(chunks: int) -> Callable[[int, int], None]:
@@ -277,11 +279,11 @@ def test_the_folder_of_another_campaign_is_refused(programme: Programme, whole: 
 
 
 def test_without_a_folder_it_is_the_first_free_one_and_resume_finds_its_own(
-    programme: Programme, tmp_path: Path
+    programme: Programme, whole: Path, tmp_path: Path
 ) -> None:
     other = plain(load_scenario("elevator-loss", [*SHORT, "failures.0.to=0.3"]), 10)
-    places = [campaigns.run(p, tmp_path / "x", workers=1, replace=False)[1].name for p in (other, programme)]
-    assert places == ["x", "x-2"]
+    assert campaigns.run(other, tmp_path / "x", workers=1, replace=False)[1] == tmp_path / "x"
+    shutil.copytree(whole, tmp_path / "x-2")  # the same campaign, complete
     with pytest.raises(KeyboardInterrupt):
         campaigns.run(programme, tmp_path / "x", workers=1, replace=False, progress=_stop_after(1))
     resumed, place = campaigns.run(programme, tmp_path / "x", workers=1, replace=False, resume=True)
@@ -302,7 +304,6 @@ def test_flights_that_raise_are_rows_and_traces_that_are_chosen_are_kept(
         return fly_plan(plan)
 
     monkeypatch.setattr(worker, "fly_plan", fails)
-    _fly_here(monkeypatch)
     flown, out = campaigns.run(grid, tmp_path / "x", workers=1)
     assert flown is not None
     table = pq.read_table(out / "table.parquet").to_pylist()
@@ -342,7 +343,7 @@ def test_where_every_flight_fails_the_page_says_why(tmp_path: Path) -> None:
 
 
 LONGER = ["--set", "duration_s=4", "--set", "failures.0.at_s=2"]
-MANY = ["campaign", "elevator-loss", "--runs", "90", *LONGER, "--out", "x"]
+MANY = ["campaign", "elevator-loss", "--runs", "60", *LONGER, "--out", "x"]
 
 
 @contextmanager
@@ -385,7 +386,7 @@ def workers_of(process: subprocess.Popen[str]) -> list[int]:
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The table of MANY, flown in this process."""
-    flights = load_programme("elevator-loss", LONGER[1::2], 90)
+    flights = load_programme("elevator-loss", LONGER[1::2], 60)
     return campaigns.run(flights, tmp_path_factory.mktemp("many") / "x", workers=1)[1]
 
 
@@ -394,13 +395,13 @@ def test_killed_interrupted_and_robbed_of_a_worker_it_leaves_the_same_table(undi
     with started(*MANY, "--workers", "2", cwd=tmp_path, rows=10) as process:
         process.kill()  # -9
     assert {p.name for p in (tmp_path / "x").iterdir()} == {"unfinished"}
-    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=30) as process:
+    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=20) as process:
         process.send_signal(signal.SIGINT)
         stdout, stderr = process.communicate(timeout=60)
         assert (process.returncode, stdout) == (130, "")
-        assert "of 90 flights (table: x/table.parquet); continue with the same command and --out x --resume\n" in stderr
+        assert "of 60 flights (table: x/table.parquet); continue with the same command and --out x --resume\n" in stderr
         assert len(stderr.splitlines()) == 1
-    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=50) as process:
+    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=30) as process:
         os.kill(workers_of(process)[0], signal.SIGKILL)
         stdout, stderr = process.communicate(timeout=120)
         assert (process.returncode, stderr) == (0, "")
@@ -409,7 +410,7 @@ def test_killed_interrupted_and_robbed_of_a_worker_it_leaves_the_same_table(undi
 
 
 def test_a_folder_that_cannot_be_written_is_told_before_anything_flies(tmp_path: Path) -> None:
-    done = flightbed("campaign", "nominal", "--out", "/proc/nowhere/x", cwd=tmp_path)
+    done = call("campaign", "nominal", "--out", "/proc/nowhere/x", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("flightbed: --out /proc/nowhere/x: cannot be written")
     assert len(done.stderr.splitlines()) == 1

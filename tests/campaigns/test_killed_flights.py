@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator
+from contextlib import chdir
 from functools import cache
 from pathlib import Path
 
@@ -36,12 +37,12 @@ SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]
 NAME = "deadly.py:Deadly"
 CODE = """
 import os, signal
-from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
+from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainSettings
 
 
 class Deadly:
     def __init__(self, settings, onboard):
-        self.inner = LoopGain(loop_gain_config(settings), onboard)
+        self.inner = LoopGain(LoopGainSettings(name=settings.name).config(), onboard)
         self.readings = self.inner.readings
         self.options = settings.options
 
@@ -54,19 +55,28 @@ class Deadly:
 """
 
 
-@pytest.fixture
-def deadly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Programme]]:
+@pytest.fixture(scope="module")
+def deadly(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Programme]]:
     """Return a programme in which one flight ends its process; its first reading, which no other flight has, identifies it."""
-    (tmp_path / "deadly.py").write_text(CODE)
-    monkeypatch.chdir(tmp_path)
+    folder = tmp_path_factory.mktemp("deadly")
+    (folder / "deadly.py").write_text(CODE)
     reading = next(iter(fly(load_scenario("elevator-loss", [*SHORT, f"seed={VICTIM}"])))).measurement.alpha_rad
     own = [f"estimators.0.kind={NAME}", f"estimators.0.options.kills_at_rad={reading!r}"]
 
     def make(how: str) -> Programme:
         return load_programme("elevator-loss", [*SHORT, *own, f"estimators.0.options.how={how}"], RUNS)
 
-    with using(NAME):
+    with chdir(folder), using(NAME):
         yield make
+
+
+@pytest.fixture(scope="module")
+def killed(deadly: Callable[[str], Programme], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a campaign of two workers."""
+    flown, folder = campaigns.run(deadly("signal"), tmp_path_factory.mktemp("killed") / "x", workers=2)
+    assert flown is not None
+    assert flown.histories[0].moments.flying[0] == RUNS - 1
+    return folder
 
 
 @cache
@@ -88,21 +98,21 @@ def _assert_as_expected(folder: Path) -> None:
     assert f"1 of {RUNS} flights failed: {DEATH_ERROR}" in (folder / "report.html").read_text()
 
 
-@pytest.mark.parametrize(("workers", "how"), [pytest.param(1, "exit", marks=pytest.mark.long), (2, "signal")])
-def test_it_is_a_row_and_the_campaign_goes_on(
-    deadly: Callable[[str], Programme], tmp_path: Path, workers: int, how: str
-) -> None:
-    flown, folder = campaigns.run(deadly(how), tmp_path / "x", workers=workers)
-    assert flown is not None
-    assert flown.histories[0].moments.flying[0] == RUNS - 1
+def test_it_is_a_row_and_the_campaign_goes_on(killed: Path) -> None:
+    _assert_as_expected(killed)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_process_that_exits_is_a_row_too(deadly: Callable[[str], Programme], tmp_path: Path, workers: int) -> None:
+    _, folder = campaigns.run(deadly("exit"), tmp_path / "x", workers=workers)
     _assert_as_expected(folder)
 
 
 def test_after_an_interrupt_its_table_is_the_same_to_the_last_bit(
-    deadly: Callable[[str], Programme], tmp_path: Path
+    deadly: Callable[[str], Programme], killed: Path, tmp_path: Path
 ) -> None:
-    programme = deadly("exit")
-    _, whole = campaigns.run(programme, tmp_path / "whole", workers=2)
+    programme = deadly("signal")
 
     def stop(done: int, _total: int) -> None:
         if done:
@@ -113,7 +123,7 @@ def test_after_an_interrupt_its_table_is_the_same_to_the_last_bit(
     assert len(pq.read_table(tmp_path / "x" / "table.parquet")) < RUNS
     _, folder = campaigns.run(programme, tmp_path / "x", workers=1, resume=True)
     for name in ("table.parquet", "histories.parquet"):
-        assert (folder / name).read_bytes() == (whole / name).read_bytes()
+        assert (folder / name).read_bytes() == (killed / name).read_bytes()
     _assert_as_expected(folder)
 
 

@@ -33,7 +33,7 @@ from flightbed.document.html import render
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import median_interval, share
-from tests.command_line import flightbed
+from tests.command_line import call
 from tests.document.test_html import assert_self_contained, assert_sound, words
 from tests.lateral_flight import NAMES, SOON, rolling
 
@@ -245,7 +245,7 @@ def test_only_a_campaign_is_replaced_and_that_is_told_before_anything_flies(tmp_
 
 def test_on_the_command_line(tmp_path: Path) -> None:
     short = [text for o in ("duration_s=0.4", "failures.0.at_s=0.1") for text in ("--set", o)]
-    done = flightbed("campaign", "elevator-loss", "--runs", "2", "--workers", "1", "--json", *short, cwd=tmp_path)
+    done = call("campaign", "elevator-loss", "--runs", "2", "--workers", "1", "--json", *short, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     stored = json.loads(done.stdout)
     assert stored.pop("folder") == "campaigns/elevator-loss"
@@ -269,21 +269,34 @@ def test_what_a_terminal_shows(flown: Campaign) -> None:
 
 def test_own_code_flies_in_workers_and_in_the_worst_flights_command(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(
-        "from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config\n\n\n"
-        "def make(settings, onboard):\n    return LoopGain(loop_gain_config(settings), onboard)\n"
+        "from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainSettings\n\n\n"
+        "def make(settings, onboard):\n    return LoopGain(LoopGainSettings(name=settings.name).config(), onboard)\n"
     )
     keys = ["--set", "estimators.0.kind=mine.py:make", "--set", "duration_s=1", "--set", "failures.0.at_s=0.5"]
-    command = ["campaign", "elevator-loss", "--runs", "2", *keys, "--use", "mine.py:make", "--json", "--out", "c"]
-    done = flightbed(*command, cwd=tmp_path)
+    command = [
+        "campaign",
+        "elevator-loss",
+        "--runs",
+        "2",
+        *keys,
+        "--use",
+        "mine.py:make",
+        "--workers",
+        "1",
+        "--json",
+        "--out",
+        "c",
+    ]
+    done = call(*command, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     seed = json.loads(done.stdout)["worst"]["seed"]
     again = json.loads(done.stdout)["worst"]["command"]
     assert again == f"flightbed run FOLDER/scenario.toml --set seed={seed} --use mine.py:make"
     assert again in (tmp_path / "c" / "report.html").read_text()
-    shown = flightbed(*(word for word in command if word != "--json"), cwd=tmp_path)
+    shown = call(*(word for word in command if word != "--json"), cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
     assert f"worst flight: {again.replace('FOLDER', 'c')}\n" in shown.stdout
-    refused = flightbed("campaign", "elevator-loss", "--runs", "2", *keys, cwd=tmp_path)
+    refused = call("campaign", "elevator-loss", "--runs", "2", *keys, cwd=tmp_path)
     assert refused.returncode == 2
     assert "add --use mine.py:make to allow it" in refused.stderr
 
@@ -296,6 +309,7 @@ def test_only_what_tests_for_a_change_can_never_find_one() -> None:
     assert flown.summary.quantity("expanding.detected_at_s") is None
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_campaign_of_flights_with_roll_and_yaw(tmp_path: Path) -> None:
     """Each surface has its columns and its own truth; a flight that raised has them empty."""
     scenario = rolling(SOON)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from flightbed.aircraft.overlay import load_aircraft
 from tests.command_line import COMMAND, flightbed, heed_interrupts
 
 
@@ -35,6 +36,22 @@ def test_json_is_the_only_text_on_stdout(tmp_path: Path) -> None:
     assert printed.pop("folder") == "x"
     assert printed == json.loads((tmp_path / "x" / "metrics.json").read_text())
     assert {p.name for p in (tmp_path / "x").iterdir()} == {"metrics.json", "scenario.toml", "trace.parquet"}
+
+
+def test_a_scenario_of_an_equal_aircraft_flies_and_says_so(tmp_path: Path) -> None:
+    aircraft = load_aircraft("f16")
+    bound = [
+        "--set", f"aircraft.sha256={aircraft.equal_to[0]}", "--set", "duration_s=0.2", "--set", "failures=[]",
+    ]  # fmt: skip
+    done = flightbed("run", "nominal", *bound, "--rerun", "off", "--json", "--out", "x", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"flightbed: aircraft.sha256: the scenario names {aircraft.equal_to[0][:12]}..., an earlier")
+    assert json.loads(done.stdout)["aircraft_sha256"] == aircraft.sha256
+    assert f'sha256 = "{aircraft.sha256}"' in (tmp_path / "x" / "scenario.toml").read_text()
+    assert line.removeprefix("flightbed: ") in (tmp_path / "x" / "report.html").read_text()
+    again = flightbed("run", "x/scenario.toml", "--rerun", "off", "--report", "off", cwd=tmp_path)
+    assert (again.returncode, again.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ import os
 import subprocess
 from pathlib import Path
 
-from tests.command_line import COMMAND, flightbed
+from tests.command_line import COMMAND, call
 
 
 def test_view_without_a_display_names_the_alternatives(tmp_path: Path) -> None:
-    flightbed("run", "nominal", "--set", "duration_s=0.2", "--out", "x", cwd=tmp_path)
+    call("run", "nominal", "--set", "duration_s=0.2", "--report", "off", "--out", "x", cwd=tmp_path)
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     done = subprocess.run(
         [*COMMAND, "view", "x"], capture_output=True, text=True, check=False, cwd=tmp_path, env=environment
@@ -22,7 +22,7 @@ def test_view_without_a_display_names_the_alternatives(tmp_path: Path) -> None:
 
 
 def test_view_reports_a_missing_recording(tmp_path: Path) -> None:
-    flightbed("run", "nominal", "--set", "duration_s=0.2", "--rerun", "off", "--out", "x", cwd=tmp_path)
-    done = flightbed("view", "x", cwd=tmp_path)
+    call("run", "nominal", "--set", "duration_s=0.2", "--rerun", "off", "--report", "off", "--out", "x", cwd=tmp_path)
+    done = call("view", "x", cwd=tmp_path)
     assert done.returncode == 2
     assert "there is no recording; fly the scenario again with --rerun save" in done.stderr

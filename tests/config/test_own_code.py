@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
@@ -22,20 +22,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flightbed
+from flightbed.analysis.events import failures
 from flightbed.analysis.seeds import Job, fly_jobs, processes
+from flightbed.analysis.summary_text import command
 from flightbed.avionics.onboard import OnBoard
 from flightbed.cli import main as cli
-from flightbed.config import families
-from flightbed.config.kinds import EstimatorSettings
+from flightbed.config import families, own_code
+from flightbed.config.kinds import CommandSettings, EstimatorSettings, PlainCommand, PlainEstimator
 from flightbed.config.options import Options
 from flightbed.config.own_code import load, names_without_option, use_options, using
+from flightbed.config.table import between, only_with
 from flightbed.core.errors import EstimateError, ExtensionError, InputError, ScenarioError, UnknownNameError
 from flightbed.core.signals import Estimate, Measurement
-from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
+from flightbed.core.sources import digest
+from flightbed.core.units import DEG
+from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainSettings
 from flightbed.failures.base import HealthHistory
 from flightbed.report.flight_report import rerun_command
 from flightbed.runs.run import run
-from flightbed.scenario.own_code import check_named, named_extensions
+from flightbed.scenario.own_code import check_named, named_extensions, named_plug_ins
 from flightbed.scenario.reading import load_scenario
 from tests.command_line import flightbed as command_line
 
@@ -117,7 +122,7 @@ def test_permitted_code_flies_and_the_run_lists_it(here: Path, monkeypatch: pyte
     sha256 = hashlib.sha256(FILTER.encode()).hexdigest()
     assert f"own code  own_filter:Fixed (sha256 {sha256[:12]})" in done.stdout
     stored = json.loads((here / "x" / "metrics.json").read_text())
-    assert stored["extensions"] == [{"name": "own_filter:Fixed", "sha256": sha256}]
+    assert stored["extensions"] == [{"name": "own_filter:Fixed", "sha256": sha256, "imports": {}}]
     assert stored["estimators"]["scheduled"]["final"] == 0.7
     resolved = tomllib.loads((here / "x" / "scenario.toml").read_text())
     assert resolved["estimators"][0]["kind"] == "own_filter:Fixed"
@@ -489,19 +494,32 @@ def test_set_reaches_options_in_every_table() -> None:
 
 
 def test_empty_options_are_not_written() -> None:
-    scenario = load_scenario("elevator-loss")
-    assert "options" not in scenario.to_toml()
-    assert scenario.control.options == Options() == {}
-    assert load_scenario(tomllib.loads(scenario.to_toml())) == scenario
+    with using({"mine": Still}):
+        scenario = load_scenario("elevator-loss", ["command={kind='mine'}"])
+        assert "options" not in scenario.to_toml()
+        assert isinstance(scenario.command, PlainCommand)
+        assert scenario.command.options == Options() == {}
+        assert load_scenario(tomllib.loads(scenario.to_toml())) == scenario
 
 
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("estimators.0.options.gain=2", "scenarios/elevator-loss.toml: estimators.0.options: kind 'loop-gain' takes no options (got gain); only external code has them"),
-        ("control.options.gain=2", "scenarios/elevator-loss.toml: control.options: law 'proportional' takes no options (got gain); only external code has them"),
-        ("failures.0.options.a=2", "scenarios/elevator-loss.toml: failures.0.options: kind 'effectiveness' takes no options (got a); only external code has them"),
-        ("command.options.a=2", "scenarios/elevator-loss.toml: command.options: kind 'doublet' takes no options (got a); only external code has them"),
+        ("estimators.0.options.gain=2", "--set: estimators.0.options: 'loop-gain' has no such key (own code has it); remove it"),
+        ("control.options.gain=2", "--set: control.options: 'proportional' has no such key (own code has it); remove it"),
+        ("failures.0.options.a=2", "--set: failures.0.options: 'effectiveness' has no such key (own code has it); remove it"),
+        ("command.options.a=2", "--set: command.options: 'doublet' has no such key (own code has it); remove it"),
+    ],
+)  # fmt: skip
+def test_invalid_options(override: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", [override])
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
         ("command.options=2", "--set command.options: must be a table (got 2)"),
         ("command.options.a.b=2", "scenarios/elevator-loss.toml: command.options.a: must be text, a finite number, true or false, or a list of these (got {'b': 2})"),
         ("command.options.a=inf", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got inf)"),
@@ -509,9 +527,9 @@ def test_empty_options_are_not_written() -> None:
         ("command.options.a=1999-12-31", "--set command.options.a: must be text, a finite number, true or false, or a list of these (got datetime.date(1999, 12, 31))"),
     ],
 )  # fmt: skip
-def test_invalid_options(override: str, message: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario("elevator-loss", [override])
+def test_invalid_options_of_own_code(override: str, message: str) -> None:
+    with using({"mine": Still}), pytest.raises(ScenarioError) as caught:
+        load_scenario("elevator-loss", ["command.kind=mine", override])
     assert str(caught.value) == message
 
 
@@ -527,18 +545,110 @@ def test_options_are_immutable_and_name_a_missing_key() -> None:
     assert repr(options) == "Options({'taps': (1, (2,))})"
 
 
-def test_external_kinds_may_use_every_key() -> None:
-    """Keys without effect for a built-in kind, which --set rejects there."""
-    estimator = ["estimators.0.forgetting=0.9", "estimators.0.prior.alpha_deg=1"]
-    others = ["failures.0.over_s=3", "command.seed=1"]
+def test_a_plain_class_has_the_keys_that_every_estimator_needs() -> None:
+    keys = ["estimators.1.smoothing=0.5", "estimators.1.prior.effectiveness_std=0.1", "estimators.1.options.taps=3"]
     with using({"mine": Still}):
-        own = load_scenario("elevator-loss", ["estimators.0.kind=mine", *estimator]).estimators[0]
-        assert (own.forgetting, own.prior.alpha_deg) == (0.9, 1.0)
-        own_kinds = load_scenario("elevator-loss", ["failures.0.kind=mine", "command.kind=mine", *others])
-        assert (own_kinds.failures[0].over_s, own_kinds.command.seed) == (3.0, 1)
-    for key in (*estimator, *others):
-        with pytest.raises(ScenarioError, match="has no effect"):
-            load_scenario("elevator-loss", [key])
+        own = load_scenario("elevator-loss", ["estimators.1={name='x', kind='mine'}", *keys]).estimators[1]
+        assert isinstance(own, PlainEstimator)
+        assert (own.smoothing, own.prior.effectiveness_std, dict(own.options)) == (0.5, 0.1, {"taps": 3})
+        assert own.model_dump(exclude={"options", "prior"}).keys() == {"name", "kind", "model", "smoothing", "bounds"}
+        with pytest.raises(ScenarioError, match="--set: estimators.1.memory: 'mine' has no such key .'loop-gain', 'two-stage' have it.; remove it"):  # fmt: skip
+            load_scenario("elevator-loss", ["estimators.1={name='x', kind='mine'}", "estimators.1.memory=fading"])
+
+
+class Typed(EstimatorSettings):
+    """Settings class of own code."""
+
+    gain: Annotated[float, between(0, 1)] = 0.5
+    """K-hat."""
+    made: Annotated[Literal["estimator", "nothing", "error"], only_with(gain=0.5)] = "estimator"
+    """Result of build."""
+
+    def build(self, onboard: Any) -> Any:
+        if self.made == "error":
+            raise RuntimeError("no such model")
+        return Still(self, onboard) if self.made == "estimator" else 3
+
+    @property
+    def options(self) -> dict[str, float]:
+        return {"k": self.gain}
+
+
+TYPED = "estimators.1={name='x', kind='typed'}"
+
+
+def test_a_settings_class_of_own_code_has_its_own_keys() -> None:
+    with using({"typed": Typed}):
+        scenario = load_scenario("nominal", [*QUICK, TYPED, "estimators.1.gain=0.25"])
+        result = flightbed.run(scenario)
+        assert load_scenario(tomllib.loads(scenario.to_toml())) == scenario
+    assert result.trace["x.effectiveness"].tolist() == [0.25] * 20
+    assert [own.name for own in result.summary.extensions] == ["typed"]
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("gain=2", "--set estimators.1.gain: must be between 0 and 1 (got 2)"),
+        ("gian=0", "--set: unknown key estimators.1.gian; did you mean gain?"),
+        ("window=3", "--set: estimators.1.window: 'typed' has no such key ('input-kalman', 'loop-gain', 'retrospective-cost', 'two-stage' have it); remove it"),
+    ],
+)  # fmt: skip
+def test_keys_of_a_settings_class_of_own_code_are_checked(key: str, message: str) -> None:
+    with using({"typed": Typed}), pytest.raises(ScenarioError) as caught:
+        load_scenario("nominal", [TYPED, f"estimators.1.{key}"])
+    assert list(caught.value.problems) == [message]
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        ("error", r"own code typed: cannot be built: .*test_own_code.py:\d+: RuntimeError: no such model"),
+        ("nothing", r"own code typed: returns a int, which has no method update\(\)"),
+    ],
+)
+def test_a_settings_class_that_builds_no_estimator_is_an_error(made: str, message: str) -> None:
+    with using({"typed": Typed}), pytest.raises(ExtensionError, match=message):
+        flightbed.run(load_scenario("nominal", [*QUICK, TYPED, f"estimators.1.made={made}"]))
+
+
+def test_the_table_of_an_external_failure() -> None:
+    with using({"mine": Still}):
+        own = load_scenario("elevator-loss", ["failures.0={kind='mine', at_s=0.2}"])
+        written = {"kind": "mine", "at_s": 0.2, "surface": "elevator", "to": 1.0}
+        assert tomllib.loads(own.to_toml())["failures"] == [written]
+        assert failures(own) == ["at 0.2 s the failure 'mine' begins"]
+        with pytest.raises(ScenarioError, match=r"failures\.0\.over_s: 'mine' has no such key \('ramp' has it\)"):
+            load_scenario("elevator-loss", ["failures.0.kind=mine", "failures.0.over_s=3"])
+        with pytest.raises(ScenarioError, match=r"failures\.0\.surface: the stock laws control aileron and rudder"):
+            load_scenario("elevator-loss", ["failures.0.kind=mine", "failures.0.surface=rudder"])
+
+
+def test_the_table_of_an_external_command() -> None:
+    """The amplitude of every place comes as amplitude_deg_s."""
+    seen: list[CommandSettings] = []
+
+    def mine(settings: CommandSettings) -> Callable[[Any], Any]:
+        seen.append(settings)
+        return np.zeros_like
+
+    mines = [
+        "command={kind='mine', amplitude_g=2.0, options={a=3}}",
+        "lateral.sideslip={kind='mine', amplitude_deg=1.7}",
+    ]
+    with using({"mine": mine}):
+        own = load_scenario("nominal", ["lateral.enabled=true", *mines, "lateral.roll={kind='mine', count=7}"])
+        written = tomllib.loads(own.to_toml())
+        with pytest.raises(ScenarioError, match=r"command\.seed: 'mine' has no such key \('random' has it\)"):
+            load_scenario("nominal", [*mines, "command.seed=1"])
+        own.command.rate(), own.command.load_factor(), own.lateral.roll.rate(), own.lateral.sideslip.angle()
+    rest = {"start_s": 0.0, "period_s": 4.5, "count": 3, "filter_rad_s": 3.0}
+    in_pitch = {"kind": "mine", "amplitude_deg_s": 5.0, "amplitude_g": 2.0, **rest, "options": {"a": 3}}
+    assert written["command"] == in_pitch
+    assert written["lateral"]["sideslip"] == {"kind": "mine", "amplitude_deg": 1.7, **rest}
+    assert [s.model_dump()["amplitude_deg_s"] for s in seen] == [5.0, 2.0 / DEG, 5.0, 1.7]
+    assert command(own) == "mine, amplitude 2 g, a 3; prefilter 3 rad/s"
+    assert command(own, "lateral.roll") == "mine, count 7; prefilter 3 rad/s"
 
 
 class _SaysNan(LoopGain):
@@ -546,8 +656,8 @@ class _SaysNan(LoopGain):
         return super().update(measurement)._replace(effectiveness_smoothed=float("nan"))
 
 
-def _says_nan(settings: EstimatorSettings, onboard: OnBoard) -> _SaysNan:
-    return _SaysNan(loop_gain_config(settings), onboard)
+def _says_nan(settings: PlainEstimator, onboard: OnBoard) -> _SaysNan:
+    return _SaysNan(LoopGainSettings(name=settings.name).config(), onboard)
 
 
 def test_a_nan_of_the_correcting_estimator_is_an_error() -> None:
@@ -600,3 +710,30 @@ def test_a_health_that_is_not_finite_is_named_with_its_time_and_value() -> None:
     )
     with using({"broken": broken}), pytest.raises(ExtensionError, match=message):
         flightbed.run(load_scenario("thesis-loss", keys))
+
+
+def test_the_sources_of_an_installed_kind_count_with_its_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site = tmp_path / "site-packages"
+    info = site / "plugged-1.dist-info"
+    for folder in (site / "plugged", info):
+        folder.mkdir(parents=True)
+    sources = {"plugged/__init__.py": "", "plugged/gain.py": "GAIN = 1.0\n", "beside.py": ""}
+    main = "import beside\nfrom plugged.gain import GAIN\ndef build(settings, onboard): ...\n"
+    for name, text in {**sources, "plugged/kind.py": main}.items():
+        (site / name).write_text(text)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: plugged\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[flightbed.estimators]\nplugged-kind = plugged.kind:build\n")
+    monkeypatch.syspath_prepend(site)
+    families._installed.cache_clear()
+    try:
+        scenario = load_scenario("nominal", ["estimators.0.kind=plugged-kind"])
+        hashes = {
+            name: hashlib.sha256(sources[name].encode()).hexdigest().encode() for name in sources if name != "beside.py"
+        }
+        assert named_plug_ins(scenario) == {"plugged-kind": digest({"": main.encode(), **hashes})}
+        assert named_plug_ins(load_scenario("nominal")) == {}
+    finally:
+        families._installed.cache_clear()
+        own_code.installed_sha256.cache_clear()

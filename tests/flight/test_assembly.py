@@ -18,13 +18,20 @@ from flightbed.flight.loop import fly
 from flightbed.flight.parts import Flight
 from flightbed.flight.plan import law_of, plan
 
-GIVEN = ["control.gains={alpha=0.3, q_s=0.8, elevator=-0.3, reference_s=-0.9, integral=-2.0}"]
+GIVEN = ["control.gains={alpha=0.3, q_s=0.8, elevator=-0.3, reference_s=-0.9}"]
 SHORT = ["duration_s=6"]
 
 
-@pytest.mark.parametrize(("law", "integral"), [("proportional", 0.0), ("proportional-integral", -2.0)])
-def test_the_law_uses_exactly_the_given_gains(law: str, integral: float) -> None:
-    planned = plan(load_scenario("thesis-loss", [*GIVEN, f"control.law={law}"]))
+@pytest.mark.parametrize(
+    ("sets", "integral"),
+    [
+        ([], 0.0),
+        (["control.law=proportional-integral"], 0.0),
+        (["control.law=proportional-integral", "control.gains.integral=-2"], -2.0),
+    ],
+)
+def test_the_law_uses_exactly_the_given_gains(sets: list[str], integral: float) -> None:
+    planned = plan(load_scenario("thesis-loss", [*GIVEN, *sets]))
     assert planned.gains == Gains(0.3, 0.8, -0.3, -0.9, integral)
     flown = law_of(planned.scenario, planned.design)
     felt = Measurement(alpha_rad=0.02, q_rad_s=-0.05, elevator_rad=9.0, elevator_mean_rad=9.0)

@@ -18,7 +18,7 @@ from flightbed.estimation.loop_gain.estimator import LoopGain
 from flightbed.estimation.two_stage.estimator import TwoStageSurfaces
 from flightbed.flight.assembly import assemble, names_of
 from flightbed.flight.composed import Composed
-from flightbed.flight.computer import Compiled, computer_of, rows_of
+from flightbed.flight.computer import Compiled, computer_of, is_built_in, rows_of
 from flightbed.flight.loop import fly
 from flightbed.flight.parts import Flight
 from flightbed.flight.plan import plan
@@ -54,6 +54,13 @@ def _assert_equal(one: Trace, other: Trace) -> None:
 @pytest.mark.parametrize("name", list(data.names("scenario")))
 def test_shipped_scenarios_are_the_same_both_ways(name: str) -> None:
     _assert_equal(*_both(load_scenario(name)))
+
+
+def test_a_flight_with_two_large_estimators_is_composed() -> None:
+    large = [{"name": kind, "kind": kind} for kind in ("two-stage", "input-kalman")]
+    for estimators, compiles in ((large[:1], True), (large[1:], True), (large, False)):
+        scenario = load_scenario({"schema": 1, "name": "mine", "duration_s": 0.2, "estimators": estimators})
+        assert is_built_in(assemble(plan(scenario))) == compiles
 
 
 @pytest.mark.parametrize(

@@ -22,11 +22,11 @@ from flightbed.analysis.punctuality import Spell, late_spells, punctuality, with
 from flightbed.analysis.summary_text import pace_text, run_text
 from flightbed.analysis.trace import Trace, read_trace
 from flightbed.config import families
+from flightbed.config.kinds import ESTIMATORS
 from flightbed.flight.pacing import Timing, WallClock, paced
 from flightbed.runs.run import run
-from flightbed.scenario import reconstruction_checks
 from flightbed.scenario.reading import load_scenario
-from tests.command_line import flightbed
+from tests.command_line import call
 
 MS = 1_000_000  # ns
 CLOCK_COLUMNS = {"release_late_ms", "compute_ms", "slack_ms"}
@@ -261,41 +261,65 @@ def test_on_the_wall_clock_no_tick_begins_early_and_a_flight_takes_its_time(tmp_
 
 def test_the_command_line_prints_the_real_time_performance(tmp_path: Path) -> None:
     short = ["run", "nominal", "--set", "duration_s=0.3", "--rerun", "off", "--realtime", "--out", "x"]
-    done = flightbed(*short, cwd=tmp_path)
+    done = call(*short, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "real time 30 ticks at 100 Hz: " in done.stdout
-    kept = json.loads(flightbed(*short, "--json", cwd=tmp_path).stdout)["realtime"]
+    kept = json.loads(call(*short, "--json", cwd=tmp_path).stdout)["realtime"]
     assert kept["ticks"] == 30
-    assert "real time" not in flightbed(*(a for a in short if a != "--realtime"), cwd=tmp_path).stdout
+    assert "real time" not in call(*(a for a in short if a != "--realtime"), cwd=tmp_path).stdout
 
 
-GUSTS = [(kind, ',unknown="gust"') for kind in reconstruction_checks.KINDS]
+KINDS = [(kind, "") for kind in families.names("estimators")]
+KINDS += [(kind, ',unknown="gust"') for kind in ESTIMATORS.have(("unknown",))]
+COMPILING = """
+import json, os, pkgutil, sys, traceback
+from importlib import import_module
+
+import flightbed
+from flightbed import avionics, estimation
+from flightbed.flight.assembly import assemble
+from flightbed.flight.loop import fly
+from flightbed.flight.plan import plan
+
+NAMES = [m.name for p in (avionics, estimation) for m in pkgutil.walk_packages(p.__path__, p.__name__ + ".")]
+MODULES = [import_module(name) for name in NAMES]
 
 
-@pytest.mark.parametrize(("kind", "more"), [*((kind, "") for kind in families.names("estimators")), *GUSTS])
-def test_nothing_is_compiled_in_flight(kind: str, more: str) -> None:
-    """In a new process, where no other estimator has compiled anything: a first compilation takes seconds."""
-    code = (
-        "import pkgutil, sys, flightbed\n"
-        "from importlib import import_module\n"
-        "from flightbed import avionics, estimation\n"
-        "NAMES = [m.name for p in (avionics, estimation) for m in pkgutil.walk_packages(p.__path__, p.__name__ + '.')]\n"
-        "MODULES = [import_module(name) for name in NAMES]\n"
-        "from flightbed.flight.assembly import assemble\nfrom flightbed.flight.plan import plan\n"
-        "from flightbed.flight.loop import fly\n"
-        "def compiled():\n"
-        "    made = {f'{m.__name__}.{n}': len(f.signatures) for m in MODULES for n, f in vars(m).items()\n"
-        "            if hasattr(f, 'signatures')}\n"
-        "    assert len(made) > 20\n"
-        "    return made\n"
-        "one = ['duration_s=0.8', 'adaptation.enabled=false', 'estimators=[{name=\"scheduled\",kind=\"' + sys.argv[1] + '\"' + sys.argv[2] + '}]']\n"
-        "flight = assemble(plan(flightbed.load_scenario('nominal', one)))\n"
-        "before = compiled()\n"
-        "assert len(list(fly(flight))) == 80\n"
-        "assert compiled() == before, (before, compiled())\n"
-    )
+def compiled():
+    made = {f"{m.__name__}.{n}": len(f.signatures) for m in MODULES for n, f in vars(m).items() if hasattr(f, "signatures")}
+    assert len(made) > 20
+    return made
+
+
+def check(kind, more):
+    table = 'estimators=[{name="scheduled",kind="' + kind + '"' + more + "}]"
+    flight = assemble(plan(flightbed.load_scenario("nominal", ["duration_s=0.8", "adaptation.enabled=false", table])))
+    before = compiled()
+    assert len(list(fly(flight))) == 80
+    assert compiled() == before, (before, compiled())
+
+
+assert set(compiled().values()) == {0}
+codes = []
+for kind, more in json.loads(sys.argv[1]):
+    child = os.fork()
+    if child == 0:
+        try:
+            check(kind, more)
+        except BaseException:
+            traceback.print_exc()
+            os._exit(1)
+        os._exit(0)
+    codes.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+print(json.dumps(codes))
+"""
+
+
+def test_nothing_is_compiled_in_flight() -> None:
+    """Each estimator in a process where no other has compiled anything: a first compilation takes seconds."""
     environment = {key: value for key, value in os.environ.items() if key != "FLIGHTBED_PLAIN"}
-    done = subprocess.run(
-        [sys.executable, "-c", code, kind, more], check=False, capture_output=True, text=True, env=environment
-    )
+    command = [sys.executable, "-c", COMPILING, json.dumps(KINDS)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
+    codes = dict(zip(map("".join, KINDS), json.loads(done.stdout), strict=True))
+    assert codes == dict.fromkeys(codes, 0), done.stderr

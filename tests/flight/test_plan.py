@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
+from flightbed.aircraft.overlay import Aircraft
 from flightbed.config import families
 from flightbed.control.base import Law
+from flightbed.core import data
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.errors import AircraftError, DesignError, ScenarioError
 from flightbed.core.signals import Measurement
 from flightbed.core.units import DEG, FT
-from flightbed.flight.plan import plan
+from flightbed.flight.plan import bind, plan
 from flightbed.models.linear_aircraft import LinearAircraft
 from flightbed.models.trim import TrimPoint
 from flightbed.plant.base import Controls, Motion
 from flightbed.scenario.reading import load_scenario
-from tests.command_line import flightbed
+from tests.command_line import call
 
 # override -> error message; estimators on the schedule use the absolute input
 BEYOND = {
+    "failures.1={kind='cg-shift', at_s=5, shift_cbar=0.03}": "failures.1.kind: 'cg-shift' moves the c.g., which the linear aircraft sillence does not model; choose another kind",
     "condition.mach=0.8": "condition.mach: must be 0.9 with the linear aircraft sillence (got 0.8)",
     "condition.altitude_ft=10000": "condition.altitude_ft: must be 20000.0 with the linear aircraft sillence (got 10000.0)",
     "condition.gamma_deg=5": "condition.gamma_deg: must be 0.0 with the linear aircraft sillence (got 5.0)",
@@ -28,7 +32,6 @@ BEYOND = {
     "atmosphere.turbulence=light": "atmosphere.turbulence: must be 'none' with the linear aircraft sillence (got 'light')",
     "model_error.cg_shift_cbar=0.02": "model_error.cg_shift_cbar: must be 0.0 with the linear aircraft sillence (got 0.02)",
     "model_error.fuel_lbs=-300": "model_error.fuel_lbs: must be 0.0 with the linear aircraft sillence (got -300.0)",
-    "failures.1={kind='cg-shift', at_s=5, shift_cbar=0.03}": "failures.1.shift_cbar: must be 0.0 with the linear aircraft sillence (got 0.03)",
     "estimators.1={name='expanding', memory='expanding'}": "estimators.1.model: must be 'short-period' with the linear aircraft sillence (got 'scheduled')",
 }  # fmt: skip
 
@@ -42,7 +45,7 @@ def test_each_unsupported_setting_of_a_linear_aircraft_is_an_error(override: str
 
 def test_all_unsupported_settings_are_reported_at_once(tmp_path: Path) -> None:
     sets = [text for override in BEYOND for text in ("--set", override)]
-    done = flightbed("run", "thesis-loss", *sets, cwd=tmp_path)
+    done = call("run", "thesis-loss", *sets, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.splitlines() == [f"flightbed: {line}" for line in BEYOND.values()]
     assert list(tmp_path.iterdir()) == []
@@ -64,6 +67,36 @@ def test_the_plan_of_the_shipped_scenario() -> None:
 def test_an_aircraft_with_another_fingerprint_is_an_error() -> None:
     with pytest.raises(AircraftError, match=r"sillence is not the aircraft of this scenario"):
         plan(load_scenario("thesis-loss", ["aircraft.sha256=ab12"]))
+
+
+def test_a_scenario_of_an_equal_overlay_is_accepted_with_a_note(f16: Aircraft) -> None:
+    """An overlay lists earlier ones that fly the same traces; the plan names the one that flies."""
+    (earlier,) = f16.equal_to
+    found = plan(load_scenario("nominal", [f"aircraft.sha256={earlier}"]))
+    assert found.scenario.aircraft.sha256 == f16.sha256
+    assert found.notes == (
+        f"aircraft.sha256: the scenario names {earlier[:12]}..., an earlier version of f16; "
+        f"its equal_to lists that version as flying the same traces, so {f16.sha256[:12]}... flies",
+    )
+    assert plan(found.scenario).notes == ()
+    assert plan(load_scenario("nominal")).notes == ()
+
+
+def test_only_another_fingerprint_of_the_list_gives_a_note(tmp_path: Path, f16: Aircraft) -> None:
+    own = tmp_path / "own"
+    shutil.copytree(data.find("aircraft", "f16"), own)
+    text = (own / "aircraft.toml").read_text()
+    (own / "aircraft.toml").write_text(text.replace("equal_to = [", f'equal_to = ["{f16.sha256}", "{"0" * 64}", '))
+    for named, notes in ((f16.sha256, 0), ("", 0), ("0" * 64, 1), (f16.equal_to[0], 1)):
+        scenario = load_scenario("nominal", [f"aircraft.model={own}"]).with_aircraft(str(own), named)
+        bound, aircraft, found = bind(scenario)
+        assert (bound.aircraft.sha256, aircraft, len(found)) == (f16.sha256, f16, notes)
+
+
+@pytest.mark.parametrize("other", ["0" * 64, "184b8ab0"])
+def test_a_scenario_of_any_other_overlay_is_refused(other: str) -> None:
+    with pytest.raises(AircraftError, match=r"f16 is not the aircraft of this scenario \(aircraft\.sha256 differs\)"):
+        plan(load_scenario("nominal", [f"aircraft.sha256='{other}'"]))
 
 
 @pytest.mark.parametrize("key", ["alpha_std_deg_s", "q_std_deg_s2"])

@@ -21,7 +21,7 @@ from flightbed.models.survey.stability_map import draw
 from flightbed.models.survey.sweep import trim_all
 from flightbed.models.trim import TrimPoint, trim
 from flightbed.plant.base import Controls, Motion
-from tests.command_line import assert_one_clear_line, flightbed
+from tests.command_line import assert_one_clear_line, call
 
 SCHEMA = json.loads((Path(__file__).parents[1] / "golden" / "linearize.schema.json").read_text())
 LEVEL = Query(altitude_ft=20500, mach=0.72)
@@ -153,13 +153,13 @@ def test_lateral_modes_have_their_names() -> None:
 
 
 def test_stock_aircraft_report_their_control_system(tmp_path: Path) -> None:
-    done = flightbed("linearize", "c172x", "--cas-kt", "100", "--altitude-ft", "3000", cwd=tmp_path)
+    done = call("linearize", "c172x", "--cas-kt", "100", "--altitude-ft", "3000", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert "the model includes the aircraft's own control system" in done.stdout
     assert max(map(len, done.stdout.splitlines())) <= 80
     assert list(tmp_path.iterdir()) == []  # JSBSim writes no output files
     printed = json.loads(
-        flightbed(
+        call(
             "linearize", "jsbsim:f16", "--mach", "0.62", "--altitude-ft", "20500", "--format", "json", cwd=tmp_path
         ).stdout
     )
@@ -220,7 +220,7 @@ def test_the_nearest_feasible_condition_is_one(f16: Aircraft, tmp_path: Path) ->
     with pytest.raises(NoTrimError, match="nearest conditions with a trim: Mach ") as caught:
         trim_all(f16, [query], "table", None)
     assert caught.value.feasible == near
-    done = flightbed("trim", "f16", "--mach", "0.6", "--load-factor", "9", cwd=tmp_path)
+    done = call("trim", "f16", "--mach", "0.6", "--load-factor", "9", cwd=tmp_path)
     assert done.returncode == 3
     assert " g" in done.stderr.partition("nearest conditions with a trim")[2]
 
@@ -240,7 +240,7 @@ def test_every_kind_of_model_validates_against_the_schema(f16: Aircraft) -> None
 
 def test_a_sweep_to_parquet_with_its_picture(tmp_path: Path) -> None:
     arguments = ["linearize", "f16", "--mach", "0.3:0.9:0.2", "--altitude-ft", "10500,40500", "--format", "parquet"]
-    done = flightbed(*arguments, "-o", "sweep.parquet", "--picture", "map.png", cwd=tmp_path)
+    done = call(*arguments, "-o", "sweep.parquet", "--picture", "map.png", cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     table = pd.read_parquet(tmp_path / "sweep.parquet")
     assert len(table) == 8

@@ -16,7 +16,7 @@ from flightbed.cli import main as cli
 from flightbed.core import data
 from flightbed.core.errors import AircraftError, UnknownNameError
 from flightbed.models.linear_aircraft import LinearAircraft, load_flyable, load_linear_aircraft
-from tests.command_line import flightbed
+from tests.command_line import call
 
 TEXT = (data.shipped("aircraft") / "sillence" / "aircraft.toml").read_text(encoding="utf-8")
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "sillence.toml").read_text())
@@ -125,7 +125,7 @@ def test_load_flyable_picks_the_right_one(f16: Aircraft, tmp_path: Path) -> None
 
 
 def test_load_linear_aircraft_refuses_another_kind(tmp_path: Path) -> None:
-    with pytest.raises(AircraftError, match=r"aircraft\.toml: unknown key stock"):
+    with pytest.raises(AircraftError, match=r"aircraft\.toml: unknown key equal_to"):
         load_linear_aircraft("f16")
     with pytest.raises(AircraftError, match=r"aircraft\.toml: kind: must be 'linear' \(got 'f16'\)"):
         load_linear_aircraft(str(_folder(tmp_path, TEXT.replace('kind = "linear"', 'kind = "f16"'))))
@@ -141,7 +141,7 @@ def test_load_aircraft_refuses_a_linear_one() -> None:
 
 
 def test_it_is_listed(tmp_path: Path) -> None:
-    listed = flightbed("list", "aircraft", cwd=tmp_path).stdout.splitlines()
+    listed = call("list", "aircraft", cwd=tmp_path).stdout.splitlines()
     assert [line.split()[0] for line in listed] == ["f16", "sillence"]
     assert listed[1].endswith(load_linear_aircraft("sillence").description)
 
@@ -167,7 +167,7 @@ def test_it_flies_from_a_folder_of_the_users_own(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     _folder(tmp_path / "mine", TEXT.replace("m_alpha_1_s2 = 3.5", "m_alpha_1_s2 = 3.0"))
     sets = ["--set", "aircraft.model=mine", "--set", "duration_s=5", "--rerun", "off", "--out", "x", "--json"]
-    done = flightbed("run", "thesis-loss", *sets, cwd=tmp_path)
+    done = call("run", "thesis-loss", *sets, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["short_period"]["A"][1][0] == 3.0
     assert tomllib.loads((tmp_path / "x" / "scenario.toml").read_text())["aircraft"]["model"] == str(tmp_path / "mine")

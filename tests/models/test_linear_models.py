@@ -24,7 +24,7 @@ from flightbed.models.survey.rows import document
 from flightbed.models.trim import TrimPoint
 from flightbed.models.validate import validate
 from flightbed.plant.base import Controls, Motion
-from tests.command_line import assert_one_clear_line, flightbed
+from tests.command_line import assert_one_clear_line, call
 
 
 def _names(model: LinearModel) -> list[str]:
@@ -192,7 +192,7 @@ SCHEMA: dict[str, Any] = {
 
 
 def test_json_has_the_keys_of_the_contract(tmp_path: Path) -> None:
-    done = flightbed("linearize", "f16", "--mach", "0.7", "--altitude-ft", "20500", "--format", "json", cwd=tmp_path)
+    done = call("linearize", "f16", "--mach", "0.7", "--altitude-ft", "20500", "--format", "json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     d = json.loads(done.stdout)
     for key, kind in SCHEMA.items():
@@ -211,7 +211,7 @@ def test_json_has_the_keys_of_the_contract(tmp_path: Path) -> None:
 def test_npz_and_mat_hold_named_arrays(f16: Aircraft, tmp_path: Path) -> None:
     model = linearize_at(f16, Query(altitude_ft=20000, mach=0.7)).model
     for kind in ("npz", "mat"):
-        done = flightbed("linearize", "f16", "--mach", "0.7", "--format", kind, "-o", f"m.{kind}", cwd=tmp_path)
+        done = call("linearize", "f16", "--mach", "0.7", "--format", kind, "-o", f"m.{kind}", cwd=tmp_path)
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     loaded = np.load(tmp_path / "m.npz")
     mat = loadmat(tmp_path / "m.mat")
@@ -226,7 +226,7 @@ def test_npz_and_mat_hold_named_arrays(f16: Aircraft, tmp_path: Path) -> None:
 
 def test_a_sweep_marks_conditions_without_a_trim(tmp_path: Path) -> None:
     arguments = ["linearize", "f16", "--mach", "0.3:0.7:0.2", "--altitude-ft", "10500,40000"]
-    done = flightbed(*arguments, "--format", "csv", cwd=tmp_path)
+    done = call(*arguments, "--format", "csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     rows = list(csv.DictReader(io.StringIO(done.stdout)))
     assert [(float(r["mach"]), float(r["altitude_ft"])) for r in rows] == [
@@ -234,27 +234,27 @@ def test_a_sweep_marks_conditions_without_a_trim(tmp_path: Path) -> None:
     ]
     assert [bool(r["no_trim"]) for r in rows] == [False, False, False, True, False, False]
     assert "residual" in rows[3]["no_trim"]
-    documents = json.loads(flightbed(*arguments, "--format", "json", cwd=tmp_path).stdout)
+    documents = json.loads(call(*arguments, "--format", "json", cwd=tmp_path).stdout)
     assert [("A" in d) for d in documents] == [True, True, True, False, True, True]
-    table = flightbed(*arguments, cwd=tmp_path).stdout
+    table = call(*arguments, cwd=tmp_path).stdout
     assert "no trim at Mach 0.30, 40000 ft" in table
     assert max(map(len, table.splitlines())) <= 80
 
 
 def test_the_table_fits_80_columns_and_warns_of_kinks(tmp_path: Path) -> None:
-    text = flightbed("linearize", "f16", "--mach", "0.8", cwd=tmp_path).stdout
+    text = call("linearize", "f16", "--mach", "0.8", cwd=tmp_path).stdout
     assert max(map(len, text.splitlines())) <= 80
     assert "short period, real root" in text
     assert "warning: kink, mean slope" in text
     assert "level" not in text
-    rated = flightbed("linearize", "f16", "--mach", "0.85", cwd=tmp_path).stdout
+    rated = call("linearize", "f16", "--mach", "0.85", cwd=tmp_path).stdout
     assert "CAP" in rated
     assert "level" in rated
-    assert "K 0.5" in flightbed("trim", "f16", "--mach", "0.7", "--effectiveness", "0.5", cwd=tmp_path).stdout
+    assert "K 0.5" in call("trim", "f16", "--mach", "0.7", "--effectiveness", "0.5", cwd=tmp_path).stdout
 
 
 def test_trim_command_climbs_and_prints_json(f16: Aircraft, tmp_path: Path) -> None:
-    done = flightbed("trim", "f16", "--mach", "0.6", "--gamma-deg", "5", "--format", "json", cwd=tmp_path)
+    done = call("trim", "f16", "--mach", "0.6", "--gamma-deg", "5", "--format", "json", cwd=tmp_path)
     printed = json.loads(done.stdout)
     assert printed["trim"]["theta_deg"] - printed["trim"]["alpha_deg"] == pytest.approx(5.0)
     _, point = trim_at(f16, Query(altitude_ft=20000, mach=0.6, gamma_deg=5.0))
@@ -317,10 +317,10 @@ def test_the_aircraft_follows_the_linear_model_with_an_error_of_first_order_in_t
 
 def test_validate_is_printed(tmp_path: Path) -> None:
     arguments = ["linearize", "f16", "--mach", "0.72", "--altitude-ft", "20500", "--validate"]
-    text = flightbed(*arguments, cwd=tmp_path).stdout
+    text = call(*arguments, cwd=tmp_path).stdout
     assert "error against the aircraft at 200 Hz: airspeed" in text
     assert max(map(len, text.splitlines())) <= 80
-    printed = json.loads(flightbed(*arguments, "--format", "json", cwd=tmp_path).stdout)
+    printed = json.loads(call(*arguments, "--format", "json", cwd=tmp_path).stdout)
     assert [v["plant_hz"] for v in printed["validation"]] == [200, 400]
 
 

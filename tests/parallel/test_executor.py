@@ -18,6 +18,7 @@ import pytest
 from flightbed.campaigns import run as campaigns
 from flightbed.campaigns.file import load_programme
 from flightbed.core.errors import InputError
+from flightbed.core.sources import source_sha256
 from flightbed.core.versions import versions
 from flightbed.parallel.executor import DEATHS, Work, opener, results
 from tests import dask_cluster
@@ -148,8 +149,23 @@ def test_a_worker_with_other_versions_is_refused() -> None:
     with pytest.raises(InputError) as caught:
         list(results(range(3), WORK, Elsewhere({})))
     assert str(caught.value) == (
-        f"workers: must have the versions of this process (got numpy 0.1, here {ours}); install the same"
+        f"workers: must have the versions of this process (got numpy 0.1, here {ours}); install the same, start the workers again"
     )
+
+
+def test_a_worker_with_other_sources_is_refused() -> None:
+    class Elsewhere(_Dies):
+        """Its workers have the sources of another commit, of the same version."""
+
+        def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+            future: Future[Any] = Future()
+            result, found = fn(*args, **kwargs)
+            assert found == {**versions(), "sources of flightbed": source_sha256()}
+            future.set_result((result, {**found, "sources of flightbed": "0" * 64}))
+            return future
+
+    with pytest.raises(InputError, match=f"got sources of flightbed 0000000000000000, here {source_sha256()[:16]}"):
+        list(results(range(3), WORK, Elsewhere({})))
 
 
 def test_processes_that_cannot_start_are_an_error_of_no_task(monkeypatch: pytest.MonkeyPatch) -> None:

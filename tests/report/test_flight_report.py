@@ -158,7 +158,7 @@ def _soon(name: str) -> list[str]:
     """Overrides that bring all failures and gusts of a scenario into a short flight."""
     scenario = load_scenario(name)
     fail = [f"failures.{i}.at_s={0.5 + 0.2 * i}" for i in range(len(scenario.failures))]
-    fail += ["control.autothrottle.then_at_s=0.5"] if scenario.control.autothrottle.then_fps else []
+    fail += ["control.autothrottle.then_at_s=0.5"] if scenario.control.times else []
     return ["duration_s=1.2", *fail, *(f"gusts.{i}.at_s={0.4 + 0.2 * i}" for i in range(len(scenario.gusts)))]
 
 
@@ -284,7 +284,8 @@ EACH_ONCE = tuple(zip(KINDS, (*SURFACES, *SURFACES[:2]), strict=True))
 
 @pytest.mark.parametrize(("kind", "surface"), representative(product(KINDS, SURFACES), EACH_ONCE))
 def test_every_failure_of_an_actuator_has_a_sound_page(kind: str, surface: str) -> None:
-    failure = f"{{kind='{kind}', surface='{surface}', at_s=0.5, side='high', to=0.2, bias_deg=1.5}}"
+    own = {"hardover": ", side='high'", "rate-limit": ", to=0.2", "bias": ", bias_deg=1.5"}.get(kind, "")
+    failure = f"{{kind='{kind}', surface='{surface}', at_s=0.5{own}}}"
     result = run(rolling([f"failures=[{failure}]", "duration_s=1.5"]))
     page = render(run_report(result))
     assert_sound(page)

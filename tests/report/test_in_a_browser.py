@@ -19,6 +19,7 @@ from flightbed.document.html import render
 from flightbed.report.comparison_report import comparison_report
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
+from tests.flights import campaigns_in_this_process
 
 _BROWSER = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
@@ -69,7 +70,8 @@ def _pages(folder: Path) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    return _pages(tmp_path_factory.mktemp("pages"))
+    with campaigns_in_this_process():
+        return _pages(tmp_path_factory.mktemp("pages"))
 
 
 @pytest.mark.parametrize(("kind", "figures"), [("run", 7), ("departed", 7), ("campaign", 7), ("comparison", 1)])

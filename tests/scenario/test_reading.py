@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flightbed.config import families
+from flightbed.config.kinds import COMMANDS, ROLL_COMMANDS, SIDESLIP_COMMANDS
 from flightbed.core import data
 from flightbed.core.errors import InputError, ScenarioError, UnknownNameError
-from flightbed.scenario.checks import unused_keys
+from flightbed.core.units import DEG
 from flightbed.scenario.reading import Scenario, load_scenario
 
 FILE = "scenarios/elevator-loss.toml"
@@ -75,12 +76,17 @@ def test_an_override_can_add_to_a_list() -> None:
         ("estimators.0.kind=loopgain", "--set estimators.0.kind: unknown estimator; did you mean loop-gain?; known: differentiated-rls, input-kalman, loop-gain, plid, retrospective-cost, two-stage (got 'loopgain')"),
         ("estimators.0.model=schedule", "--set estimators.0.model: must be 'scheduled' or 'short-period' (got 'schedule')"),
         ("estimators.0.input=deviation", f"{FILE}: estimators.0.input: must be 'absolute' with model = 'scheduled', which has no trim point (got 'deviation')"),
-        ("failures.0.over_s=3", "--set failures.0.over_s: has no effect with failures.0.kind = 'effectiveness'"),
-        ("failures.0.shift_cbar=0.1", "--set failures.0.shift_cbar: has no effect with failures.0.kind = 'effectiveness'"),
-        ("failures.0.force_to=0.1", "--set failures.0.force_to: has no effect with failures.0.kind = 'effectiveness'"),
-        ("failures.0.kind=structural", f"{FILE}: failures.0.force_to: is missing; a failure of kind 'structural' needs it"),
-        ("failures.0.kind=cg-shift", f"{FILE}: failures.0.shift_cbar: is missing; a failure of kind 'cg-shift' needs it"),
-        ("failures.1.at_s=5", f"{FILE}: failures.1.to: is missing; a failure of kind 'effectiveness' needs it"),
+        ("failures.0.over_s=3", "--set: failures.0.over_s: 'effectiveness' has no such key ('ramp' has it); remove it"),
+        ("failures.0.shift_cbar=0.1", "--set: failures.0.shift_cbar: 'effectiveness' has no such key ('cg-shift' has it); remove it"),
+        ("failures.0.force_to=0.1", "--set: failures.0.force_to: 'effectiveness' has no such key ('structural' has it); remove it"),
+        ("failures.0.kind=structural", f"{FILE}: failures.0.force_to: is missing"),
+        ("failures.0={kind='cg-shift', at_s=3}", f"{FILE}: failures.0.shift_cbar: is missing"),
+        ("failures.0={kind='hardover', at_s=3}", f"{FILE}: failures.0.side: is missing"),
+        ("failures.0={kind='bias', at_s=3}", f"{FILE}: failures.0.bias_deg: is missing"),
+        ("failures.0={kind='rate-limit', at_s=3}", f"{FILE}: failures.0.to: is missing"),
+        ("failures.0={kind='structural', at_s=3, to=0.5, force_to=0.5, surface='rudder'}", f"{FILE}: failures.0.surface: must be 'elevator' (got 'rudder')"),
+        ("failures.0.surface=rudder", f"{FILE}: failures.0.surface: the stock laws control aileron and rudder (got 'rudder'); set lateral.enabled to true"),
+        ("failures.1.at_s=5", f"{FILE}: failures.1.to: is missing"),
         ("failures.0.kind=cg-shft", "--set failures.0.kind: unknown failure; did you mean cg-shift?; known: bias, cg-shift, effectiveness, floating, hardover, ramp, rate-limit, structural, stuck (got 'cg-shft')"),
         ("gusts.0={at_s=16.5, up_fps=9, rise_s=1}", f"{FILE}: gusts.0.at_s: must be no later than the last tick, 16.49 s (got 16.5)"),
         ("gusts.0={at_s=1, up_fps=9, rise_s=0}", f"{FILE}: gusts.0.rise_s: must be above 0 and at most 1000000 (got 0)"),
@@ -109,7 +115,7 @@ def test_an_override_can_add_to_a_list() -> None:
         ("estimators.0.forgetting=0.9", "--set estimators.0.forgetting: has no effect with estimators.0.memory = 'window'"),
         ("estimators.1.window=20", "--set estimators.1.window: has no effect with estimators.1.memory = 'expanding'"),
         ("estimators.0.prior.alpha_deg=1", "--set estimators.0.prior.alpha_deg: has no effect with estimators.0.prior.state = 'measurement'"),
-        ("control.integral_pole_rad_s=-1", "--set control.integral_pole_rad_s: has no effect with control.law = 'proportional'"),
+        ("control.integral_pole_rad_s=-1", "--set: control.integral_pole_rad_s: 'proportional' has no such key ('proportional-integral' has it); remove it"),
         ("estimators.0.forgetting=0.1", "--set estimators.0.forgetting: must be between 0.5 and 1 (got 0.1)"),
         ("estimators.0.prior.effectiveness_std=1e200", "--set estimators.0.prior.effectiveness_std: must be above 0 and at most 1000000 (got 1e+200)"),
         ("schema=2", "--set schema: must be 1 (got 2)"),
@@ -136,33 +142,69 @@ def test_each_problem_is_one_line_with_place_value_and_cure(override: str, messa
         ("random", "command.switch_s=0.005", f"{FILE}: command.switch_s: must be at least 0.01, so that each pulse lasts at least one tick (got 0.005)"),
         ("random", "command.register_bits=1", "--set command.register_bits: must be between 2 and 12 (got 1)"),
         ("random", "command.seed=-1", "--set command.seed: must be between 0 and 9223372036854775807 (got -1)"),
-        ("random", "command.period_s=3", "--set command.period_s: has no effect with command.kind = 'random'"),
-        ("random", "command.low_hz=1", "--set command.low_hz: has no effect with command.kind = 'random'"),
-        ("dither", "command.count=2", "--set command.count: has no effect with command.kind = 'dither'"),
-        ("chirp", "command.seed=2", "--set command.seed: has no effect with command.kind = 'chirp'"),
-        ("multisine", "command.switch_s=2", "--set command.switch_s: has no effect with command.kind = 'multisine'"),
-        ("3-2-1-1", "command.high_hz=2", "--set command.high_hz: has no effect with command.kind = '3-2-1-1'"),
-        ("doublet", "command.register_bits=5", "--set command.register_bits: has no effect with command.kind = 'doublet'"),
-        ("constant", "command.period_s=5", "--set command.period_s: has no effect with command.kind = 'constant'"),
-        ("none", "command.amplitude_deg_s=5", "--set command.amplitude_deg_s: has no effect with command.kind = 'none'"),
+        ("random", "command.period_s=3", "--set: command.period_s: 'random' has no such key ('3-2-1-1', 'chirp', 'dither', 'doublet', 'multisine', 'pulse' have it); remove it"),
+        ("random", "command.low_hz=1", "--set: command.low_hz: 'random' has no such key ('chirp', 'dither', 'multisine' have it); remove it"),
+        ("dither", "command.count=2", "--set: command.count: 'dither' has no such key ('3-2-1-1', 'chirp', 'doublet', 'multisine', 'random' have it); remove it"),
+        ("chirp", "command.seed=2", "--set: command.seed: 'chirp' has no such key ('random' has it); remove it"),
+        ("multisine", "command.switch_s=2", "--set: command.switch_s: 'multisine' has no such key ('random' has it); remove it"),
+        ("3-2-1-1", "command.high_hz=2", "--set: command.high_hz: '3-2-1-1' has no such key ('chirp', 'dither', 'multisine' have it); remove it"),
+        ("doublet", "command.register_bits=5", "--set: command.register_bits: 'doublet' has no such key ('random' has it); remove it"),
+        ("constant", "command.period_s=5", "--set: command.period_s: 'constant' has no such key ('3-2-1-1', 'chirp', 'dither', 'doublet', 'multisine', 'pulse' have it); remove it"),
+        ("none", "command.amplitude_deg_s=5", "--set: command.amplitude_deg_s: 'none' has no such key ('3-2-1-1', 'chirp', 'constant', 'dither', 'doublet', 'multisine', 'pulse', 'random' have it); remove it"),
     ],
 )  # fmt: skip
 def test_contradictory_commands_and_idle_keys_of_commands_are_errors(kind: str, override: str, message: str) -> None:
     with pytest.raises(ScenarioError) as caught:
-        load_scenario("elevator-loss", [f"command.kind={kind}", override])
+        load_scenario("elevator-loss", [f"command={{kind='{kind}'}}", override])
     assert str(caught.value) == message
 
 
 def test_every_key_of_a_command_is_either_used_or_an_error() -> None:
-    """A key changes the sampled command exactly if --set accepts it."""
+    """Each key of a kind changes its sampled command; --set accepts no other."""
     t = np.arange(4000) / 100
     changes = {"amplitude_deg_s": 1.5, "period_s": 7.7, "count": 2, "start_s": 1.3, "low_hz": 0.6, "high_hz": 1.1, "switch_s": 0.4, "register_bits": 5, "seed": 3}  # fmt: skip
     for kind in families.names("commands"):
-        settings = load_scenario("elevator-loss", [f"command.kind={kind}"])
-        make, plain = families.factory("commands", kind), settings.command
+        plain = load_scenario("elevator-loss", [f"command={{kind='{kind}'}}"]).command
         for key, value in changes.items():
-            differs = not np.array_equal(make(plain.model_copy(update={key: value}))(t), make(plain)(t))
-            assert differs != (f"command.{key}" in unused_keys(settings)), (kind, key)
+            override = [f"command={{kind='{kind}'}}", f"command.{key}={value}"]
+            if key not in type(plain).model_fields:
+                with pytest.raises(ScenarioError, match=f"command.{key}: '{kind}' has no such key"):
+                    load_scenario("elevator-loss", override)
+                continue
+            changed = load_scenario("elevator-loss", override).command
+            assert not np.array_equal(changed.rate()(t), plain.rate()(t)), (kind, key)
+
+
+def test_each_command_has_the_amplitudes_of_its_place() -> None:
+    """A load factor of 1 g and a rate of 1 rad/s are the same number; so are angle and rate in the same unit."""
+    t = np.arange(400) / 100
+    for kind in families.names("commands"):
+        table = {"kind": kind} if kind == "none" else {"kind": kind, "amplitude_deg_s": 7.0}
+        in_g = COMMANDS.make(kind=kind)
+        pitch, roll = COMMANDS.make(**table), ROLL_COMMANDS.make(**table)
+        sideslip = SIDESLIP_COMMANDS.make(
+            **({"kind": kind} if kind == "none" else {"kind": kind, "amplitude_deg": 7.0})
+        )
+        assert np.array_equal(pitch.rate()(t), roll.rate()(t))
+        assert np.array_equal(pitch.rate()(t), sideslip.angle()(t))
+        np.testing.assert_allclose(7.0 * DEG * in_g.load_factor()(t), pitch.rate()(t), rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "key", ["command.amplitude_deg", "lateral.roll.amplitude_g", "lateral.sideslip.amplitude_deg_s"]
+)
+def test_an_amplitude_of_another_place_is_an_unknown_key(key: str) -> None:
+    place, _, amplitude = key.rpartition(".")
+    sets = ["lateral.enabled=true", f"{place}={{kind='doublet'}}"]
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("nominal", [*sets, f"{key}=1"])
+    (problem,) = caught.value.problems
+    assert problem.startswith(f"--set: unknown key {key}; did you mean amplitude_")
+    table = tomllib.loads(load_scenario("nominal", sets).to_toml())
+    for part in place.split("."):
+        table = table[part]
+    assert table["kind"] == "doublet"
+    assert amplitude not in table
 
 
 def test_dither_has_a_small_default_amplitude() -> None:
@@ -171,12 +213,29 @@ def test_dither_has_a_small_default_amplitude() -> None:
     assert load_scenario("elevator-loss", ["command.kind=dither"]).command.amplitude_deg_s == 5.0  # set in the file
 
 
+@pytest.mark.parametrize(
+    ("failure", "problem"),
+    [
+        ('kind = "cg-shift"\nshift_cbar = 0.02\nto = 0.2', "to: 'cg-shift' has no such key ('effectiveness', 'ramp', 'rate-limit', 'structural' have it)"),
+        ("to = 0.2\nover_s = 3.0", "over_s: 'effectiveness' has no such key ('ramp' has it)"),
+        ('kind = "stuck"\nto = 0.2', "to: 'stuck' has no such key ('effectiveness', 'ramp', 'rate-limit', 'structural' have it)"),
+        ('kind = "bias"\nbias_deg = 1.0\nside = "low"', "side: 'bias' has no such key ('hardover' has it)"),
+    ],
+)  # fmt: skip
+def test_a_file_with_a_key_of_another_kind_of_failure_is_refused(tmp_path: Path, failure: str, problem: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'schema = 1\nname = "x"\nduration_s = 9.0\n[[failures]]\nat_s = 3.0\n{failure}\n')
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    assert caught.value.problems == (f"{path}: failures.0.{problem}; remove it",)
+
+
 @pytest.mark.parametrize("key", ["to=0.5", "force_to=0.5", "over_s=3", "surface=elevator"])
-def test_keys_of_the_elevator_have_no_effect_with_a_cg_shift(key: str) -> None:
+def test_a_cg_shift_has_no_key_of_the_elevator(key: str) -> None:
     shift = ["failures.0.kind=cg-shift", "failures.0.at_s=3", "failures.0.shift_cbar=0.02"]
     with pytest.raises(
         ScenarioError,
-        match=f"--set failures.0.{key.partition('=')[0]}: has no effect with failures.0.kind = 'cg-shift'",
+        match=f"--set: failures.0.{key.partition('=')[0]}: 'cg-shift' has no such key",
     ):
         load_scenario("nominal", [*shift, f"failures.0.{key}"])
 

@@ -224,6 +224,7 @@ def test_the_first_flights_of_a_point_are_the_sample(tmp_path: Path, monkeypatch
     assert "5 +-21.4, 25 +-42.4, 50 +-49.0" in section.text[0]
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize(("more", "kept"), [('keep = "none"', []), ('keep = "chosen"\npoints = [2, 0]', [0, 2])])
 def test_points_that_keep_histories_are_chosen(tmp_path: Path, more: str, kept: list[int]) -> None:
     flown, folder = campaigns.run(_grid(tmp_path, f"[histories]\n{more}\n", runs=3), tmp_path / "x", workers=1)

@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import quad
 
 from flightbed.analysis.seeds import fly_jobs
-from flightbed.config import families
 from flightbed.document.document import Section, Table
 from flightbed.studies.base import Part
 from flightbed.studies.sillence import aircraft, damage, examples, inputs, level, variants
@@ -67,7 +66,7 @@ def test_inputs_have_the_same_energy(plant: str, name: str) -> None:
         assert inputs.amplitude(plant, name) == 0.0
         return
     scenario = inputs.flight(plant, name, inputs.WINDOW)
-    command = families.factory("commands", scenario.command.kind)(scenario.command)
+    command = scenario.command.rate()
     found, _ = quad(lambda t: float(np.degrees(command(np.array([t]))[0])) ** 2, 0.0, 16.5, limit=2000, epsabs=1.0)
     assert found == pytest.approx(
         13.5 * inputs.PLANTS[plant] ** 2, rel=0.01

@@ -28,7 +28,7 @@ SHORT = ["duration_s=0.5", "failures.0.at_s=0.2"]
 CODE = '''
 import os, signal, random
 from multiprocessing import parent_process
-from flightbed.estimation.loop_gain.estimator import LoopGain, loop_gain_config
+from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainSettings
 
 
 def kill_first(marker):
@@ -42,7 +42,7 @@ def kill_first(marker):
 
 def estimator(settings, onboard):
     kill_first(settings.options["marker"])
-    return LoopGain(loop_gain_config(settings), onboard)
+    return LoopGain(LoopGainSettings(name=settings.name).config(), onboard)
 
 
 def deadly_estimator(settings, onboard):

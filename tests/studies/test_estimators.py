@@ -412,7 +412,9 @@ def test_an_estimator_of_the_users_own_is_a_row_like_the_others(here: Path, caps
     assert "mine.py:Mine" in assumed["settings"]
     assert output["again"] == "flightbed reproduce estimators --runs 1 --use mine.py:Mine --settings mine.toml"
     assert list(output["extensions"]) == ["mine.py:Mine"]
-    without = _reproduced(capsys)
+    two = _reproduced(capsys, "--use", "mine.py:Mine", "--settings", "mine.toml", workers="2")
+    assert two["tables"][FLIGHTS[0].name] == output["tables"][FLIGHTS[0].name]  # it is carried to other processes
+    without = json.loads(json.dumps(reproduce(study(SHORT), 1).to_dict()))
     assert "extensions" not in without
     for flight in (FLIGHTS[0].name, "alarms"):
         rows = {row["estimator"]: row for row in output["tables"][flight]}
@@ -434,14 +436,6 @@ def test_several_are_compared_and_one_under_two_settings(here: Path, capsys: pyt
     assert known["Plain"] == "user's own estimator"
 
 
-def test_it_is_carried_to_other_processes(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (one, two) = (
-        _reproduced(capsys, "--use", "mine.py:Mine", workers=workers)["tables"][FLIGHTS[0].name]
-        for workers in ("1", "2")
-    )
-    assert one == two
-
-
 @pytest.mark.parametrize(
     ("arguments", "table", "message"),
     [
@@ -449,12 +443,13 @@ def test_it_is_carried_to_other_processes(here: Path, capsys: pytest.CaptureFixt
         (["--use", "mine.py:Mime"], "", "has no 'Mime'; did you mean Mine?"),
         (["--use", "mine.py:Broken"], "", "--use mine.py:Broken: breaks the contract of an estimator: estimate: update returns a float"),
         (["--use", "mine.py:Mine", "--settings", "none.toml"], "", "none.toml: cannot be read"),
-        (["--use", "mine.py:Mine", "--settings", "own.toml"], "windw = 3", "own.toml: unknown key windw; did you mean window?"),
-        (["--use", "mine.py:Mine", "--settings", "own.toml"], "window = 1", "own.toml: window: must be"),
+        (["--use", "mine.py:Mine", "--settings", "own.toml"], "smothing = 0.5", "own.toml: unknown key smothing; did you mean smoothing?"),
+        (["--use", "mine.py:Mine", "--settings", "own.toml"], "smoothing = 1.0", "own.toml: smoothing: must be"),
         (["--use", "mine.py:Mine", "--settings", "own.toml"], "name = 'scheduled'", "own.toml: name: is that of another estimator"),
         (["--settings", "own.toml"], "name = 'x'", "own.toml: kind: is missing; name the estimator that these settings are for"),
         (["--settings", "own.toml"], "kind = 'mine.py:Mine'", "is code outside flightbed; add --use mine.py:Mine to allow it"),
-        (["--settings", "own.toml"], "kind = 'loop-gain'\nmemory = 'variable'\nname = 'x'", "own.toml: no flight of the study takes it: "),
+        (["--use", "mine.py:Mine", "--settings", "own.toml"], "window = 30", "own.toml: window: 'mine.py:Mine' has no such key"),
+        (["--settings", "own.toml"], "kind = 'loop-gain'\ninput = 'deviation'\nname = 'x'", "own.toml: no flight of the study takes it: "),
     ],
 )  # fmt: skip
 def test_what_cannot_be_compared_is_refused_in_one_line_before_anything_is_flown(

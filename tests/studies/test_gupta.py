@@ -9,7 +9,6 @@ import control
 import numpy as np
 import pytest
 
-from flightbed.analysis.seeds import processes
 from flightbed.document.document import Claim
 from flightbed.estimation.reconstruction.input_model import invariant_zeros
 from flightbed.studies.base import reproduce, run_trials
@@ -31,8 +30,7 @@ CONTRARY = {
 def judged() -> tuple[dict[str, Claim], dict[str, list[RunMeasures]]]:
     """The claims of 20 initial states and phases, and the runs behind them."""
     part = claims(RUNS)
-    with processes() as executor:
-        results = run_trials(part.jobs, executor=executor, progress=lambda _: None)
+    results = run_trials(part.jobs, executor=None, progress=lambda _: None)
     found = {item.key: item for item in part.build(results).items if isinstance(item, Claim)}
     return found, dict(zip(cases(), results, strict=False))
 
@@ -176,8 +174,7 @@ def test_noise_costs_the_unregularized_inverse_more_than_a_filter() -> None:
 
 
 def test_the_whole_study() -> None:
-    with processes() as executor:
-        document = reproduce(gupta(), 1, executor=executor)
+    document = reproduce(gupta(), 1)
     keys = [table.key for table in document.tables()]
     assert keys == ["glance", "details", "regularization", "damping", "order", "period", "rivals"]
     assert [len(table.rows) for table in document.tables()] == [12, 10, 15, 12, 8, 10, 15]

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flightbed.analysis.seeds import processes
 from flightbed.config import families
 from flightbed.control.lq import spectral_radius
 from flightbed.document.document import Claim, Picture, Section, Table
@@ -38,7 +37,7 @@ from flightbed.studies.wu.simulate import (
     unstable,
 )
 
-RUNS, QUIET = 50, 100  # noise draws, seeds from 0 on
+FEW, MANY = (12, 40), (50, 100)  # noise draws of each case and without failure, seeds from 0 on
 CONTRARY = {
     "small_until_failure", "chi_square_fixed", "zero_mean_fixed", "recovered_alpha_redesigned", "recovered_alpha_offset",
     "more_indicative_redesigned", "more_indicative_ever_redesigned", "more_indicative_ever_offset",
@@ -49,29 +48,37 @@ OPEN = {
     "zero_mean_open",
     "raised_after_failure",
 }  # too close to their limits for a verdict with these draws
+OPEN_IF_FEW = {"small_until_failure", "recovered_alpha_redesigned"}
 
 
 def _built(part: Part) -> Section:
     jobs: list[Any] = distinct_jobs([part])
-    with processes() as executor:
-        found = run_trials(jobs, executor=executor, progress=lambda _: None)
+    found = run_trials(jobs, executor=None, progress=lambda _: None)
     by_job = dict(zip(((j.simulate, j.arguments, j.first_seed) for j in jobs), found, strict=True))
     each: list[Any] = list(part.jobs)
     return part.build([by_job[j.simulate, j.arguments, j.first_seed][: j.runs] for j in each])
 
 
+@pytest.fixture(scope="module", params=[FEW, pytest.param(MANY, marks=pytest.mark.long)], ids=["few", "many"])
+def draws(request: pytest.FixtureRequest) -> tuple[int, int]:
+    found: tuple[int, int] = request.param
+    return found
+
+
 @pytest.fixture(scope="module")
-def judged() -> dict[str, Claim]:
-    return {c.key: c for c in _built(claims(RUNS, QUIET)).items if isinstance(c, Claim)}
+def judged(draws: tuple[int, int]) -> dict[str, Claim]:
+    return {c.key: c for c in _built(claims(*draws)).items if isinstance(c, Claim)}
 
 
 @pytest.mark.parametrize("scenario", printed.SCENARIOS)
-def test_variable_factors_beat_the_constant_one_and_that_beats_none(judged: dict[str, Claim], scenario: int) -> None:
+def test_variable_factors_beat_the_constant_one_and_that_beats_none(
+    judged: dict[str, Claim], draws: tuple[int, int], scenario: int
+) -> None:
     for order in ("constant_better_than_none", "variable_better_than_constant", "variable_better_than_none"):
         claim = judged[f"{order}_{scenario}"]
         assert claim.holds is True
         assert claim.interval.high < 0.0
-        assert claim.interval.runs == RUNS
+        assert claim.interval.runs == draws[0]
 
 
 def test_the_ramp_is_followed(judged: dict[str, Claim]) -> None:
@@ -91,9 +98,10 @@ def test_adaptation_raises_d_with_offset_weights_and_lowers_it_without(judged: d
     assert judged["more_indicative_redesigned"].interval.high < 0.0
 
 
-def test_verdicts_agree_with_the_document(judged: dict[str, Claim]) -> None:
+def test_verdicts_agree_with_the_document(judged: dict[str, Claim], draws: tuple[int, int]) -> None:
     assert len(judged) == 35
-    assert {key for key, claim in judged.items() if claim.holds is False} >= CONTRARY
+    settled = CONTRARY if draws == MANY else CONTRARY - OPEN_IF_FEW
+    assert {key for key, claim in judged.items() if claim.holds is False} >= settled
     assert {key for key, claim in judged.items() if claim.holds is not True} <= CONTRARY | OPEN
 
 

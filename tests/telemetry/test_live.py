@@ -7,8 +7,8 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from flightbed.telemetry import live as live_module
 from flightbed.telemetry import viewer
 from flightbed.telemetry.flight_info import FlightInfo
 from flightbed.telemetry.live import Live, address
-from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
+from tests.command_line import COMMAND, assert_one_clear_line, call, heed_interrupts
 from tests.lateral_flight import NAMES, SOON, rolling
 from tests.telemetry.viewers import needs_viewer
 
@@ -118,21 +118,38 @@ def test_a_live_viewer_has_the_page_of_roll_and_yaw(tmp_path: Path) -> None:
     _whole(result)
 
 
+class _Calling:
+    """The wall clock; calls a function once, a time in s after its first reading, that is in flight."""
+
+    spin_ns = WallClock().spin_ns
+
+    def __init__(self, after_s: float, call: Callable[[], object]) -> None:
+        self._after_ns, self._calls, self._start_ns = round(after_s * 1e9), [call], 0
+
+    def now_ns(self) -> int:
+        now = time.perf_counter_ns()
+        self._start_ns = self._start_ns or now
+        if self._calls and now - self._start_ns >= self._after_ns:
+            self._calls.pop()()
+        return now
+
+    def sleep(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+
 @needs_viewer
-def test_a_viewer_killed_in_flight_stops_nothing_and_is_reported_once(short: Scenario, tmp_path: Path) -> None:
+def test_a_viewer_killed_in_flight_stops_nothing_and_is_reported_once(tmp_path: Path) -> None:
     said: list[str] = []
     port = viewer.free_port()
     process = viewer.launch(port, "--headless")
-    killer = threading.Timer(4.0, process.kill)
-    killer.start()
     began = time.monotonic()
-    scenario = load_scenario("elevator-loss", ["duration_s=8", "failures.0.at_s=1"])
-    result = run(scenario, tmp_path / "run", pace=WallClock(), live=Live(port=port, notify=said.append))
-    killer.join()
+    scenario = load_scenario("elevator-loss", ["duration_s=5", "failures.0.at_s=1"])
+    live = Live(port=port, notify=said.append)
+    result = run(scenario, tmp_path / "run", pace=_Calling(1.5, process.kill), live=live)
     process.wait()
     assert said == [f"the viewer at 127.0.0.1:{port} was closed; the flight continues without it"]
-    assert len(result.trace) == 800
-    assert time.monotonic() - began < 8.0 + 12.0
+    assert len(result.trace) == 500
+    assert time.monotonic() - began < 5.0 + 12.0
     _same_flight(result, scenario)
 
 
@@ -191,10 +208,7 @@ def test_a_dying_process_between_flight_and_viewer_stops_nothing(short: Scenario
             assert live._process is not None
             os.kill(live._process.pid, signal.SIGKILL)
 
-        begun = threading.Timer(1.5, lambda: live._process and kill())
-        begun.start()
-        result = run(short, tmp_path / "run", pace=WallClock(), live=live)
-        begun.join()
+        result = run(short, tmp_path / "run", pace=_Calling(0.5, kill), live=live)
     assert len(said) == 1
     assert "was lost" in said[0] or "did not answer" in said[0]
     _whole(result)
@@ -301,8 +315,11 @@ def test_an_interrupted_live_flight_ends_at_once_and_leaves_nothing(tmp_path: Pa
         where = f"127.0.0.1:{server.getsockname()[1]}"
         command = [*COMMAND, "run", "elevator-loss", "--realtime", "--rerun", "live", "--viewer", where, "--out", "x"]
         process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts)
-        time.sleep(6.0)
-        process.send_signal(signal.SIGINT)
+        server.settimeout(60.0)
+        with server.accept()[0]:  # by the command, before the flight; it starts the process that sends the flight
+            time.sleep(2.5)
+            assert process.poll() is None
+            process.send_signal(signal.SIGINT)
         began = time.monotonic()
         _, said = process.communicate(timeout=20.0)
     assert process.returncode == 130
@@ -329,9 +346,7 @@ def test_the_command_line_says_it_once_and_ends_well(tmp_path: Path, monkeypatch
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     port = viewer.free_port()
     arguments = ["--set", "duration_s=1", "--set", "failures.0.at_s=0.5", "--out", "x", "--json"]
-    done = flightbed(
-        "run", "elevator-loss", *arguments, "--rerun", "live", "--viewer", f"127.0.0.1:{port}", cwd=tmp_path
-    )
+    done = call("run", "elevator-loss", *arguments, "--rerun", "live", "--viewer", f"127.0.0.1:{port}", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stderr.startswith("flightbed: the viewer at 127.0.0.1:")
     assert len(done.stderr.splitlines()) == 1

@@ -20,6 +20,7 @@ from flightbed.telemetry import viewer
 from flightbed.telemetry.flight_info import result_info
 from flightbed.telemetry.layout import TABS
 from flightbed.telemetry.recording import write_recording
+from tests.flights import representative
 from tests.lateral_flight import SOON, rolling
 from tests.telemetry.viewers import needs_viewer
 
@@ -86,30 +87,32 @@ def client(recording: Path):  # type: ignore[no-untyped-def]
         yield client
 
 
-def test_every_view_is_there_and_none_complains(client: Any) -> None:
-    assert set(VIEWS) == set(TABS)
+@pytest.fixture(scope="module")
+def drawn(client: Any) -> dict[str, dict[str, np.ndarray]]:
+    """Open each page once; return the pixels of its plots against time, by page and origin."""
+    found: dict[str, dict[str, np.ndarray]] = {}
     for tab in TABS:
         viewer.show_tab(client, tab)
         _paint(client)
-        views = {view.name: view for view in client.get_state().views}
-        for name, origin in VIEWS[tab].items():
-            assert views[name].origin == origin
+        plots = [v for v in client.get_state().views if v.name in VIEWS[tab] and v.view_class == "TimeSeries"]
+        found[tab] = {v.origin: _pixels(client.take_screenshot(v.view_id)) for v in plots}
+    return found
+
+
+def test_every_view_is_there_and_none_complains(client: Any, drawn: dict[str, dict[str, np.ndarray]]) -> None:
+    assert set(VIEWS) == set(TABS) == set(drawn)
     views = client.get_state().views
-    assert {view.name for view in views} == {name for tab in VIEWS.values() for name in tab}
+    assert {view.name: view.origin for view in views} == {k: v for tab in VIEWS.values() for k, v in tab.items()}
     assert [view.reports for view in views] == [[]] * len(views)
     assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == []
 
 
-def test_every_plot_is_drawn_with_its_colours_and_the_failure(client: Any) -> None:
-    for tab in TABS:
-        viewer.show_tab(client, tab)
-        _paint(client)
-        for view in client.get_state().views:
-            if view.name not in VIEWS[tab] or view.view_class != "TimeSeries":
-                continue
-            pixels = _pixels(client.take_screenshot(view.view_id))
-            for color in COLORS.get(view.origin, (palette.FAILURE,)):
-                assert _near(pixels, color) > 30, (view.name, color)
+def test_every_plot_is_drawn_with_its_colours_and_the_failure(drawn: dict[str, dict[str, np.ndarray]]) -> None:
+    assert set(COLORS) < {origin for plots in drawn.values() for origin in plots}
+    for plots in drawn.values():
+        for origin, pixels in plots.items():
+            for color in COLORS.get(origin, (palette.FAILURE,)):
+                assert _near(pixels, color) > 30, (origin, color)
 
 
 def test_the_stabilators_are_red_after_the_failure_and_blue_before(client: Any) -> None:
@@ -172,23 +175,25 @@ def test_a_file_that_is_no_recording_is_rejected(tmp_path: Path) -> None:
     assert {p.name for p in tmp_path.iterdir()} == {"flight.rrd"}
 
 
-def test_flights_without_estimators_forces_or_failures_are_shown_too(tmp_path: Path) -> None:
-    bare = {
-        "linear": load_scenario("thesis-loss", ["duration_s=6"]),
-        "bare": load_scenario("nominal", ["duration_s=2", "estimators=[]", "adaptation.enabled=false"]),
-        "gust": load_scenario("elevator-and-cg"),
-        "rolling": rolling(SOON),
-    }
-    for name, scenario in bare.items():
-        result: Result = run(scenario)
-        write_recording(tmp_path / f"{name}.rrd", result.trace, result_info(result))
-        with viewer.headless() as client:
-            client.open(str(tmp_path / f"{name}.rrd"))
-            _paint(client)
-            views = client.get_state().views
-            assert [view.reports for view in views] == [[]] * len(views), name
-            assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == [], name
-            assert len(views) > 8, name
+FLIGHTS = {
+    "linear": lambda: load_scenario("thesis-loss", ["duration_s=6"]),
+    "bare": lambda: load_scenario("nominal", ["duration_s=2", "estimators=[]", "adaptation.enabled=false"]),
+    "gust": lambda: load_scenario("elevator-and-cg"),
+    "rolling": lambda: rolling(SOON),
+}
+
+
+@pytest.mark.parametrize("name", representative(FLIGHTS, ("bare", "rolling")))
+def test_flights_without_estimators_forces_or_failures_are_shown_too(name: str, tmp_path: Path) -> None:
+    result: Result = run(FLIGHTS[name]())
+    write_recording(tmp_path / f"{name}.rrd", result.trace, result_info(result))
+    with viewer.headless() as client:
+        client.open(str(tmp_path / f"{name}.rrd"))
+        _paint(client)
+        views = client.get_state().views
+        assert [view.reports for view in views] == [[]] * len(views)
+        assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == []
+        assert len(views) > 8
 
 
 def test_a_ten_minute_flight_opens_at_once(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ import pytest
 
 from flightbed.avionics.onboard import OnBoard
 from flightbed.config import families
-from flightbed.config.kinds import EstimatorSettings
+from flightbed.config.kinds import ESTIMATORS, EstimatorSettings, PlainEstimator
+from flightbed.config.table import Positive
 from flightbed.core.errors import ScenarioError
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.flight import assembly
@@ -160,15 +161,13 @@ class Slow(Sound):
         return estimate
 
 
-ESTIMATORS = list(product(families.names("estimators"), ("scheduled", "short-period")))
-FAST = [(kind, model) for kind, model in ESTIMATORS if model == "short-period" or kind == "loop-gain"]
+KINDS = list(product(families.names("estimators"), ("scheduled", "short-period")))
+FAST = [(kind, model) for kind, model in KINDS if model == "short-period" or kind == "loop-gain"]
 
 
-@pytest.mark.parametrize(("kind", "model"), representative(ESTIMATORS, FAST))
+@pytest.mark.parametrize(("kind", "model"), representative(KINDS, FAST))
 def test_built_in_estimators_keep_the_contract(kind: str, model: str) -> None:
-    # The check names the factory, not the kind, so the default memory of the kind does not apply.
-    memory = {"memory": "variable", "window": 3} if kind == "two-stage" else {}
-    checked = check_estimator(families.factory("estimators", kind), settings={"model": model, **memory})
+    checked = check_estimator(ESTIMATORS.of(kind), settings={"model": model})
     assert 0.0 < checked.microseconds_per_update < 1e4
     if model == "short-period":  # plant and model are equal
         assert 0.0 < checked.error_healthy < 0.1
@@ -256,16 +255,46 @@ def test_a_violation_on_the_nonlinear_aircraft_only(monkeypatch: pytest.MonkeyPa
 
 
 def test_settings_are_those_of_a_scenario() -> None:
-    given: list[EstimatorSettings] = []
+    given: list[PlainEstimator] = []
 
-    def make(settings: EstimatorSettings, onboard: OnBoard) -> Sound:
+    def make(settings: PlainEstimator, onboard: OnBoard) -> Sound:
         given.append(settings)
         assert (onboard.schedule is None) == (settings.model == "short-period")
         return Sound(settings, onboard)
 
-    check_estimator(make, settings=EstimatorSettings(name="x", model="short-period", window=50), jsbsim=False)
-    assert (given[0].window, given[0].model) == (50, "short-period")
+    check_estimator(make, settings=PlainEstimator(name="x", model="short-period", smoothing=0.5), jsbsim=False)
+    assert (given[0].smoothing, given[0].model) == (0.5, "short-period")
     check_estimator(make, settings={"options": {"taps": [1, 2.5]}}, jsbsim=False)
     assert given[-1].options["taps"] == (1, 2.5)
-    with pytest.raises(ScenarioError, match=r"unknown key estimators\.0\.windw; did you mean window\?"):
-        check_estimator(make, settings={"windw": 3})
+    with pytest.raises(ScenarioError, match=r"unknown key estimators\.0\.smothing; did you mean smoothing\?"):
+        check_estimator(make, settings={"smothing": 0.5})
+
+
+class Typed(EstimatorSettings):
+    """Settings class with one key; ``fault_from`` is the first tick at which K-hat leaves the bounds."""
+
+    fault_from: Positive = 1e6
+
+    def build(self, onboard: OnBoard) -> Sound:
+        settings = self
+
+        class Built(Sound):
+            def say(self, estimate: Estimate) -> Any:
+                return estimate._replace(effectiveness=1.0 if self.ticks < settings.fault_from else 1.5)
+
+        return Built(self, onboard)
+
+
+class BuildsWithTwoArguments(Typed):
+    def build(self, onboard: OnBoard, hz: int) -> Sound:  # type: ignore[override]
+        return Sound(self, onboard)
+
+
+def test_a_settings_class_is_checked_with_its_own_keys() -> None:
+    assert check_estimator(Typed, jsbsim=False).final_at_half == 1.0
+    with pytest.raises(ContractError, match=r"^effectiveness: is 1.5 at tick 6 of 'healthy', outside settings.bounds"):
+        check_estimator(Typed, settings={"fault_from": 7.0}, jsbsim=False)
+    with pytest.raises(ScenarioError, match=r"estimators\.0\.fault_from: must be above 0"):
+        check_estimator(Typed, settings={"fault_from": 0.0})
+    with pytest.raises(ContractError, match=r"^building: .*missing 1 required .*'hz'; accept build\(onboard\)$"):
+        check_estimator(BuildsWithTwoArguments)

@@ -12,8 +12,7 @@ from cells import likely
 
 from flightbed.command.base import Vector, energy, profile, relative_peak_factor
 from flightbed.command.multisine import flat_phases, one_period, schroeder_phases
-from flightbed.config import families
-from flightbed.config.kinds import Command
+from flightbed.config.kinds import COMMANDS
 from flightbed.core.units import DEG
 from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
@@ -45,13 +44,12 @@ def table_of_kinds() -> None:
         "| kind | lasts, s | mean, deg/s | RPF | crest | energy, deg^2/s | below 1 Hz | after the prefilter | below 1 Hz |"
     )
     print("|---|---|---|---|---|---|---|---|---|")
+    doublets = COMMANDS.make(kind="doublet")
     for kind in KINDS:
-        settings = Command(kind=kind)
-        sequence_s = 2 * (2**settings.register_bits - 1) * settings.switch_s if kind == "random" else settings.period_s
-        ticks = round(sequence_s * settings.count * HZ)
-        flown = profile(
-            families.factory("commands", kind)(settings), ticks=ticks, control_hz=HZ, filter_rad_s=settings.filter_rad_s
-        )
+        settings = COMMANDS.make(kind=kind)
+        sequence_s = 2 * (2**settings.register_bits - 1) * settings.switch_s if kind == "random" else doublets.period_s
+        ticks = round(sequence_s * doublets.count * HZ)
+        flown = profile(settings.rate(), ticks=ticks, control_hz=HZ, filter_rad_s=settings.filter_rad_s)
         u, ref = flown.q_cmd_rad_s / DEG, flown.q_ref_rad_s / DEG
         print(
             f"| `{kind}` | {ticks / HZ:g} | {round(float(np.mean(u)), 2) + 0.0:.2f} | {relative_peak_factor(u):.2f} | {crest(u):.2f} "

@@ -54,6 +54,7 @@ def campaign_report(campaign: Campaign) -> Document:
         "seeds": seeds,
         "wall_time_s": round(summary.wall_time_s, 1),
         "aircraft": f"{aircraft}, SHA-256 {', '.join(programme.aircraft)}",
+        **({"notes": "; ".join(programme.notes)} if programme.notes else {}),
         "campaign": f"SHA-256 {summary.fingerprint}",
         "versions": dict(summary.versions),
     }

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
 from flightbed.avionics.pitch_points import dynamic_pressure_pa
-from flightbed.config import kinds
+from flightbed.config.table import NonNegative, Positive, Settings, between
 from flightbed.control.load_factor.design import (
     GainTable,
     LoadFactorDesign,
@@ -23,9 +24,9 @@ from flightbed.control.load_factor.design import (
     interpolated,
     pressure_pa,
     second_order,
-    wanted_poles,
 )
 from flightbed.control.load_factor.integral_placement import AckermannConfig, IntegralPlacement, place
+from flightbed.control.load_factor.settings import LoadFactorSettings
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.records import layout, record, size
 from flightbed.core.signals import Measurement
@@ -204,34 +205,70 @@ def rest_state(model: tuple[float, float, float, float], u: float) -> tuple[floa
     return model[2] * u, 0.0, *model
 
 
-def build(settings: kinds.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+class IdentificationSettings(Settings):
+    """Online identification by PLID. The thesis uses prior = "thesis", prior_var = 1 and neither filter."""
+
+    prior: Literal["linearization", "thesis"] = "linearization"
+    """Initial model: from the linearization, or the guess of the thesis."""
+    prior_var: Positive = 1e-3
+    """Variance of the initial parameters, P(0); 1 in the thesis."""
+    process_var: Positive = 0.01
+    """Variance of the process noise, g^2, as in the thesis."""
+    output_var: NonNegative = 1e-8
+    """Variance of the output noise, g^2, as in the thesis."""
+    block_fade: Annotated[float, between(1, 2)] = 1.001
+    """Fading factor of the parameter covariance, as in the thesis."""
+    form: Literal["factored", "plain"] = "factored"
+    """Form of the covariance: U D U', or plain."""
+    precision: Literal["double", "single"] = "double"
+    """Floating-point precision of the filter."""
+    patience: Annotated[int, between(0, 100000)] = 0
+    """Number of consecutive rejected models after which the initial gains return; 0: never."""
+    gain_filter_rad_s: NonNegative = 5.0
+    """Bandwidth of a first-order filter of the gains, against flutter; 0: none, as in the thesis."""
+    command_filter_rad_s: NonNegative = 0.0
+    """Bandwidth of a first-order filter of the law's input, against flutter; 0: none, as in the thesis."""
+
+
+class NzAdaptiveSettings(LoadFactorSettings):
     """Load factor by PLID and pole placement at every tick, around a pitch-rate loop (Kemp chapter 6)."""
-    wanted, poles = settings.identification, wanted_poles(settings)
-    table = gain_table(design.points, poles)
-    damping = table.at(design.here.dynamic_pressure_pa)[1]
-    model = THESIS_PRIOR
-    if wanted.prior == "linearization":
-        model = second_order(design.here, pitch_rate_gain=damping, actuator_rad_s=design.actuator_rad_s, hz=control_hz)
-    plid = PlidConfig(
-        order=2,
-        process_var=wanted.process_var,
-        output_var=wanted.output_var,
-        prior=rest_state(model, design.elevator_trim_rad),
-        prior_var=wanted.prior_var,
-        tracking=Tracking(block_fade=wanted.block_fade),
-        dtype=dtype_of(wanted.precision),
-    )
-    placement = AckermannConfig(
-        poles=tuple(complex(np.exp(pole / control_hz)) for pole in poles),
-        first=FIRST_GAINS,
-        signs=SIGNS,
-        patience=wanted.patience,
-        kept=exp(-wanted.gain_filter_rad_s / control_hz) if wanted.gain_filter_rad_s else 0.0,
-    )
-    return NzAdaptive(
-        NzAdaptiveConfig(plid, FORMS[wanted.form], placement, wanted.command_filter_rad_s),
-        table,
-        control_hz=control_hz,
-        elevator_trim_rad=design.elevator_trim_rad,
-        stops_rad=design.stops_rad,
-    )
+
+    identifies: ClassVar[bool] = True
+
+    law: Literal["nz-adaptive"] = "nz-adaptive"
+    identification: IdentificationSettings = IdentificationSettings()
+    """Online identification."""
+
+    def build(self, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+        """Return the law. Raises DesignError."""
+        wanted, poles = self.identification, self.wanted_poles()
+        table = gain_table(design.points, poles)
+        damping = table.at(design.here.dynamic_pressure_pa)[1]
+        model = THESIS_PRIOR
+        if wanted.prior == "linearization":
+            model = second_order(
+                design.here, pitch_rate_gain=damping, actuator_rad_s=design.actuator_rad_s, hz=control_hz
+            )
+        plid = PlidConfig(
+            order=2,
+            process_var=wanted.process_var,
+            output_var=wanted.output_var,
+            prior=rest_state(model, design.elevator_trim_rad),
+            prior_var=wanted.prior_var,
+            tracking=Tracking(block_fade=wanted.block_fade),
+            dtype=dtype_of(wanted.precision),
+        )
+        placement = AckermannConfig(
+            poles=tuple(complex(np.exp(pole / control_hz)) for pole in poles),
+            first=FIRST_GAINS,
+            signs=SIGNS,
+            patience=wanted.patience,
+            kept=exp(-wanted.gain_filter_rad_s / control_hz) if wanted.gain_filter_rad_s else 0.0,
+        )
+        return NzAdaptive(
+            NzAdaptiveConfig(plid, FORMS[wanted.form], placement, wanted.command_filter_rad_s),
+            table,
+            control_hz=control_hz,
+            elevator_trim_rad=design.elevator_trim_rad,
+            stops_rad=design.stops_rad,
+        )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from flightbed.config import kinds
+from flightbed.config.table import Above, NonNegative, Settings, Share, only_with
 from flightbed.core.atmosphere import standard_air
 from flightbed.core.signals import Measurement
 from flightbed.core.units import FT
@@ -35,14 +36,28 @@ class Autothrottle:
         return self.high_norm if airspeed < wanted else self.low_norm
 
 
-def build(settings: kinds.Autothrottle, *, airspeed_m_s: float, control_hz: int) -> Autothrottle | None:
-    """Return an build that holds the initial airspeed, and then_fps from then_at_s on; None if it is disabled."""
-    if not settings.enabled:
-        return None
-    return Autothrottle(
-        settings.low_norm,
-        settings.high_norm,
-        airspeed_m_s,
-        settings.then_fps * FT if settings.then_fps else airspeed_m_s,
-        round(settings.then_at_s * control_hz),
-    )
+class AutothrottleSettings(Settings):
+    """Bang-bang autothrottle; it holds the initial true airspeed."""
+
+    enabled: bool = False
+    """Control the airspeed; otherwise the throttle stays at trim."""
+    low_norm: Annotated[Share, only_with(enabled=True)] = 0.1
+    """Throttle setting above the target airspeed, 0 to 1."""
+    high_norm: Annotated[Share, only_with(enabled=True)] = 1.0
+    """Throttle setting below the target airspeed, 0 to 1."""
+    then_fps: Annotated[NonNegative, only_with(enabled=True)] = 0.0
+    """Another true airspeed to hold later; 0: none."""
+    then_at_s: Annotated[NonNegative, only_with(enabled=True, then_fps=Above(0.0))] = 0.0
+    """Start of the other airspeed."""
+
+    def build(self, *, airspeed_m_s: float, control_hz: int) -> Autothrottle | None:
+        """Return an autothrottle that holds the initial airspeed, and then_fps from then_at_s on; None if it is disabled."""
+        if not self.enabled:
+            return None
+        return Autothrottle(
+            self.low_norm,
+            self.high_norm,
+            airspeed_m_s,
+            self.then_fps * FT if self.then_fps else airspeed_m_s,
+            round(self.then_at_s * control_hz),
+        )

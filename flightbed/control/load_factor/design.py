@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from flightbed.avionics.pitch_points import PitchPoint
 from flightbed.avionics.short_period import zero_order_hold
-from flightbed.config import kinds
 from flightbed.control import placement
 from flightbed.core.atmosphere import air
 from flightbed.core.compiled import compiled
@@ -212,8 +211,3 @@ def second_order(
     past = np.column_stack([answer[1:-1], answer[:-2], struck])
     a_1, a_0, b_0 = np.linalg.lstsq(past, answer[2:], rcond=None)[0].tolist()
     return a_0, a_1, b_0, 0.0
-
-
-def wanted_poles(settings: kinds.Control) -> Sequence[complex]:
-    """Return the closed-loop poles of the settings, rad/s; without any, ``POLES``."""
-    return POLES if settings.poles is None else [complex(re, im) for re, im in settings.poles]

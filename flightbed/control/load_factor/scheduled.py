@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from math import nan
+from typing import Literal
 
 import numpy as np
 
 from flightbed.avionics.pitch_points import dynamic_pressure_pa
-from flightbed.config import kinds
 from flightbed.control.load_factor.design import (
     GainTable,
     LoadFactorDesign,
@@ -16,8 +16,8 @@ from flightbed.control.load_factor.design import (
     increment_g,
     interpolated,
     pressure_pa,
-    wanted_poles,
 )
+from flightbed.control.load_factor.settings import LoadFactorSettings
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.records import layout, record, size
 from flightbed.core.signals import Measurement
@@ -100,11 +100,16 @@ class NzScheduled:
         return self._demand
 
 
-def build(settings: kinds.Control, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+class NzScheduledSettings(LoadFactorSettings):
     """Load factor with gains of alpha, q, error and its integral, scheduled over measured dynamic pressure (Kemp S 6.1)."""
-    return NzScheduled(
-        gain_table(design.points, wanted_poles(settings)),
-        control_hz=control_hz,
-        elevator_trim_rad=design.elevator_trim_rad,
-        stops_rad=design.stops_rad,
-    )
+
+    law: Literal["nz-scheduled"] = "nz-scheduled"
+
+    def build(self, design: LoadFactorDesign, control_hz: int) -> LoadFactorLaw:
+        """Return the law. Raises DesignError."""
+        return NzScheduled(
+            gain_table(design.points, self.wanted_poles()),
+            control_hz=control_hz,
+            elevator_trim_rad=design.elevator_trim_rad,
+            stops_rad=design.stops_rad,
+        )

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
 from flightbed.avionics.onboard import OnBoard
-from flightbed.config import kinds
+from flightbed.config.kinds import EffectivenessPrior, EstimatorSettings, Surroundings
+from flightbed.config.table import NonNegative, Positive, between, only_with
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.records import layout, record, size
 from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation.base import Estimator
 from flightbed.estimation.loop_gain import filter_bank, scheduled
 from flightbed.estimation.packed import ESTIMATE, MEASUREMENT
 
@@ -217,35 +219,112 @@ class LoopGain:
         return np.concatenate([[*wiring, self._bank.shape[1]], self._settings, self._bank.ravel(), schedule])
 
 
-def build(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
+class LoopGainPrior(EffectivenessPrior):
+    """Prior of the filter.
+
+    A fixed state is the prior at the first sample of the filter; ``first_reading`` decides whether the reading of that sample corrects it.
+    """
+
+    state: Literal["measurement", "fixed"] = "measurement"
+    """Start of alpha and q: from the readings, or from the numbers below."""
+    first_reading: Annotated[Literal["left-out", "used"], only_with(state="fixed")] = "left-out"
+    """Whether the reading at the first sample corrects a fixed prior."""
+    alpha_deg: Annotated[float, only_with(state="fixed")] = 0.0
+    """Mean of alpha, deviation from trim."""
+    q_deg_s: Annotated[float, only_with(state="fixed")] = 0.0
+    """Mean of q, deviation from trim."""
+    alpha_std_deg: Annotated[Positive, only_with(state="fixed")] = 1.0
+    """Standard deviation of alpha."""
+    q_std_deg_s: Annotated[Positive, only_with(state="fixed")] = 1.0
+    """Standard deviation of q."""
+
+
+class LoopGainSettings(EstimatorSettings):
     """Joint Kalman filter for alpha, q and K (Sillence Theorem 1): window, expanding or fading memory."""
-    return LoopGain(loop_gain_config(settings), onboard)
 
+    reads_accelerometer: ClassVar[bool] = False
 
-def loop_gain_config(settings: kinds.EstimatorSettings) -> LoopGainConfig:
-    """Return the filter's settings in SI and radians."""
-    prior = settings.prior
-    return LoopGainConfig(
-        memory=settings.memory,
-        window=settings.window,
-        forgetting=settings.forgetting,
-        smoothing=settings.smoothing,
-        bounds=(settings.bounds[0], settings.bounds[1]),
-        alarm_threshold=settings.alarm_threshold,
-        follow_disturbances=settings.follow_disturbances,
-        hold_std=settings.hold_std,
-        absolute=settings.input == "absolute",
-        input_at=settings.input_at,
-        scheduled=settings.model == "scheduled",
-        alpha_disturbance_rad_s=settings.alpha_disturbance_deg_s * DEG,
-        q_disturbance_rad_s2=settings.q_disturbance_deg_s2 * DEG,
-        prior_state="measurement"
-        if prior.state == "measurement"
-        else ("corrected" if prior.first_reading == "used" else "fixed"),
-        prior_alpha_rad=prior.alpha_deg * DEG,
-        prior_q_rad_s=prior.q_deg_s * DEG,
-        prior_alpha_var=(prior.alpha_std_deg * DEG) ** 2,
-        prior_q_var=(prior.q_std_deg_s * DEG) ** 2,
-        prior_effectiveness=prior.effectiveness,
-        prior_effectiveness_var=prior.effectiveness_std**2,
+    on_short_period: ClassVar[Mapping[str, Any]] = MappingProxyType(  # those of Sillence's thesis
+        {
+            "alarm_threshold": 0.0,
+            "follow_disturbances": False,
+            "hold_std": 0.0,
+            "alpha_disturbance_deg_s": 0.6,
+            "q_disturbance_deg_s2": 6.0,
+        }
     )
+
+    kind: Literal["loop-gain"] = "loop-gain"
+    input: Literal["absolute", "deviation"] = "absolute"
+    """Share of the elevator that K scales: the whole deflection, or its deviation from trim (model "short-period" only)."""
+    input_at: Literal["mean", "start", "end"] = "mean"
+    """Input over a sample: the mean deflection, or the reading at its start or end."""
+    memory: Literal["window", "expanding", "fading"] = "window"
+    """Readings that count: those of the window, all, or all with decreasing weights."""
+    window: Annotated[int, between(2, 10000), only_with(memory="window")] = 30
+    """Samples in the window."""
+    forgetting: Annotated[float, between(0.5, 1), only_with(memory="fading")] = 0.98
+    """Factor of the weights per tick; 1 forgets nothing."""
+    alarm_threshold: Annotated[NonNegative, only_with(memory="window")] = 30.0
+    """Threshold of the generalized likelihood ratio for a change of K; 0: no test. Default with model "short-period": 0."""
+    follow_disturbances: bool = True
+    """Raise the process noise to the level that the readings show. Default with model "short-period": false."""
+    hold_std: NonNegative = 0.3
+    """Standard deviation with which the last estimate is held when a window has little information; 0: the prior is used. Default with
+    model "short-period": 0."""
+    alpha_disturbance_deg_s: NonNegative = 0.05
+    """Process noise of alpha: standard deviation of a rate, held for a tick. Default with model "short-period": 0.6."""
+    q_disturbance_deg_s2: NonNegative = 0.3
+    """Process noise of q: standard deviation of an acceleration, held for a tick. Default with model "short-period": 6."""
+    prior: LoopGainPrior = LoopGainPrior()
+    """Prior of the filter."""
+
+    @property
+    def detects_changes(self) -> bool:
+        """Whether it has a test for a change of K."""
+        return self.memory == "window" and self.alarm_threshold > 0.0
+
+    @property
+    def constant_over(self) -> int | None:
+        """Ticks over which it takes K as constant; None: all since the start."""
+        return self.window if self.memory == "window" else None
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:  # noqa: ARG002
+        """Return the problem of deviations from a trim point that the schedule does not have."""
+        if self.model != "scheduled" or self.input != "deviation":
+            return []
+        return [
+            f"{place}.input: must be 'absolute' with model = 'scheduled', which has no trim point (got 'deviation')"
+        ]
+
+    def build(self, onboard: OnBoard) -> LoopGain:
+        """Return the estimator."""
+        return LoopGain(self.config(), onboard)
+
+    def config(self) -> LoopGainConfig:
+        """Return the filter's settings in SI and radians."""
+        prior = self.prior
+        return LoopGainConfig(
+            memory=self.memory,
+            window=self.window,
+            forgetting=self.forgetting,
+            smoothing=self.smoothing,
+            bounds=self.bounds,
+            alarm_threshold=self.alarm_threshold,
+            follow_disturbances=self.follow_disturbances,
+            hold_std=self.hold_std,
+            absolute=self.input == "absolute",
+            input_at=self.input_at,
+            scheduled=self.model == "scheduled",
+            alpha_disturbance_rad_s=self.alpha_disturbance_deg_s * DEG,
+            q_disturbance_rad_s2=self.q_disturbance_deg_s2 * DEG,
+            prior_state="measurement"
+            if prior.state == "measurement"
+            else ("corrected" if prior.first_reading == "used" else "fixed"),
+            prior_alpha_rad=prior.alpha_deg * DEG,
+            prior_q_rad_s=prior.q_deg_s * DEG,
+            prior_alpha_var=(prior.alpha_std_deg * DEG) ** 2,
+            prior_q_var=(prior.q_std_deg_s * DEG) ** 2,
+            prior_effectiveness=prior.effectiveness,
+            prior_effectiveness_var=prior.effectiveness_std**2,
+        )

@@ -11,20 +11,21 @@ the least-squares solution of b-hat = K h + error, with S the covariance of b-ha
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan, sqrt
 from types import MappingProxyType
-from typing import Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
 from flightbed.avionics import pitch_kernels
 from flightbed.avionics.onboard import OnBoard
-from flightbed.config import kinds
+from flightbed.config.kinds import EffectivenessPrior, EstimatorSettings
+from flightbed.config.table import NonNegative, between
 from flightbed.core.compiled import Array
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation.base import Estimator
 from flightbed.estimation.plid.factored import FACTORED
 from flightbed.estimation.plid.identify import CONVENTIONAL, Form, Plid, PlidConfig, Tracking
 
@@ -208,19 +209,36 @@ class PlidEffectiveness:
         return transfer_function(self._model[:, :2], self._model[:, 2])
 
 
-def build(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator:
+class PlidSettings(EstimatorSettings):
     """Pseudo-linear identification (Kemp 1987) from elevator to pitch rate; K is the ratio of its numerator to the healthy one."""
-    return PlidEffectiveness(
-        PlidEffectivenessConfig(
-            scheduled=settings.model == "scheduled",
-            form=FORMS[settings.form],
-            dtype=dtype_of(settings.precision),
-            block_fade=settings.block_fade,
-            q_disturbance_rad_s2=settings.q_disturbance_deg_s2 * DEG,
-            smoothing=settings.smoothing,
-            bounds=(settings.bounds[0], settings.bounds[1]),
-            prior_effectiveness=settings.prior.effectiveness,
-            prior_effectiveness_var=settings.prior.effectiveness_std**2,
-        ),
-        onboard,
-    )
+
+    reads_accelerometer: ClassVar[bool] = False
+
+    on_short_period: ClassVar[Mapping[str, Any]] = MappingProxyType({"q_disturbance_deg_s2": 6.0})
+
+    kind: Literal["plid"] = "plid"
+    block_fade: Annotated[float, between(1, 2)] = 1.01
+    """Fading factor of the parameters' covariance per sample."""
+    form: Literal["factored", "plain"] = "factored"
+    """Form of the covariance: U D U', or plain."""
+    precision: Literal["double", "single"] = "double"
+    """Precision of the numbers."""
+    q_disturbance_deg_s2: NonNegative = 0.3
+    """Process noise: standard deviation of a pitch acceleration, held for a tick. Default with model "short-period": 6."""
+    prior: EffectivenessPrior = EffectivenessPrior()
+    """Prior of K."""
+
+    def build(self, onboard: OnBoard) -> PlidEffectiveness:
+        """Return the estimator."""
+        config = PlidEffectivenessConfig(
+            scheduled=self.model == "scheduled",
+            form=FORMS[self.form],
+            dtype=dtype_of(self.precision),
+            block_fade=self.block_fade,
+            q_disturbance_rad_s2=self.q_disturbance_deg_s2 * DEG,
+            smoothing=self.smoothing,
+            bounds=self.bounds,
+            prior_effectiveness=self.prior.effectiveness,
+            prior_effectiveness_var=self.prior.effectiveness_std**2,
+        )
+        return PlidEffectiveness(config, onboard)

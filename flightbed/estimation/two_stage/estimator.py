@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from flightbed.avionics import lateral_kernels, pitch_kernels
 from flightbed.avionics.onboard import OnBoard
-from flightbed.config import kinds
+from flightbed.config.kinds import EstimatorSettings, Surroundings
+from flightbed.config.table import NonNegative, Positive, Settings, between, only_with
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.records import layout, record, size
 from flightbed.core.signals import SURFACES, Estimate, LateralMeasurement, Measurement
 from flightbed.core.units import DEG
-from flightbed.estimation.base import Estimator, SurfacesEstimator
 from flightbed.estimation.packed import LATERAL_MEASUREMENT, MEASUREMENT
 from flightbed.estimation.two_stage.change_test import chi_square_threshold
 from flightbed.estimation.two_stage.filter import (
@@ -423,31 +424,107 @@ class TwoStageSurfaces:
         return self._filter.take(readings, *_parts(work, 5, 3), u, 0.0)
 
 
-def build(settings: kinds.EstimatorSettings, onboard: OnBoard) -> Estimator | SurfacesEstimator:
+class TwoStagePrior(Settings):
+    """Prior of K, whose mean is 1."""
+
+    effectiveness_std: Positive = 0.63
+    """Standard deviation of K."""
+
+
+class TwoStageSettings(EstimatorSettings):
     """Two-stage Kalman filter with forgetting (Wu, Zhang and Zhou 2000): of the elevator, or of all commanded surfaces."""
-    forgetting: Forgetting = NoForgetting()
-    if settings.memory == "fading":
-        forgetting = ConstantForgetting(settings.forgetting)
-    elif settings.memory == "variable":
-        forgetting = VariableForgetting(settings.variance_min, settings.variance_max)
-    config = SurfacesConfig(
-        forgetting=forgetting,
-        walk_std=settings.walk_std,
-        test_window=settings.window,
-        false_alarm=settings.false_alarm,
-        smoothing=settings.smoothing,
-        bounds=(settings.bounds[0], settings.bounds[1]),
-        prior_std=settings.prior.effectiveness_std,
-        follow_disturbances=settings.follow_disturbances,
-        scheduled=settings.model == "scheduled",
-        disturbances=(
-            settings.alpha_disturbance_deg_s * DEG,
-            settings.q_disturbance_deg_s2 * DEG,
-            settings.beta_disturbance_deg_s * DEG,
-            settings.p_disturbance_deg_s2 * DEG,
-            settings.r_disturbance_deg_s2 * DEG,
-        ),
+
+    reads_accelerometer: ClassVar[bool] = False
+
+    on_short_period: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {"follow_disturbances": False, "alpha_disturbance_deg_s": 0.6, "q_disturbance_deg_s2": 6.0}
     )
-    if onboard.lateral is None:
-        return TwoStagePitch(config, onboard)
-    return TwoStageSurfaces(config, onboard)
+
+    kind: Literal["two-stage"] = "two-stage"
+    memory: Literal["expanding", "fading", "variable"] = "variable"
+    """Forgetting of K: none, constant, or variable, which keeps the variance within limits."""
+    window: Annotated[int, between(2, 10000)] = 3
+    """L, the number of samples that the test for a loss averages."""
+    forgetting: Annotated[float, between(0.5, 1), only_with(memory="fading")] = 0.98
+    """Forgetting factor per tick; 1 forgets nothing."""
+    variance_min: Annotated[Positive, only_with(memory="variable")] = 2e-5
+    """Variance of K, along each principal axis of the covariance, that forgetting keeps at least."""
+    variance_max: Annotated[Positive, only_with(memory="variable")] = 1.0
+    """Variance of K above which forgetting stops."""
+    walk_std: NonNegative = 1e-4
+    """Standard deviation of the random walk of K per tick."""
+    false_alarm: Annotated[float, between(0, 0.5, open_low=True)] = 1e-6
+    """Probability of an alarm per tick and surface, by the chi-square law, which is exact for independent estimates only."""
+    follow_disturbances: bool = True
+    """Raise the process noise to the level that the readings show. Default with model "short-period": false."""
+    alpha_disturbance_deg_s: NonNegative = 0.05
+    """Process noise of alpha: standard deviation of a rate, held for a tick. Default with model "short-period": 0.6."""
+    q_disturbance_deg_s2: NonNegative = 0.3
+    """Process noise of q: standard deviation of an acceleration, held for a tick. Default with model "short-period": 6."""
+    beta_disturbance_deg_s: NonNegative = 0.05
+    """Process noise of the sideslip: standard deviation of a rate; with lateral.enabled."""
+    p_disturbance_deg_s2: NonNegative = 1.0
+    """Process noise of the roll rate: standard deviation of an acceleration; with lateral.enabled."""
+    r_disturbance_deg_s2: NonNegative = 0.3
+    """Process noise of the yaw rate: standard deviation of an acceleration; with lateral.enabled."""
+    prior: TwoStagePrior = TwoStagePrior()
+    """Prior of K."""
+
+    @property
+    def detects_changes(self) -> bool:
+        """Whether it has a test for a change of K."""
+        return True
+
+    @property
+    def constant_over(self) -> int | None:
+        """Ticks over which it takes K as constant: K is a random walk, and all readings count."""
+        return None
+
+    def estimates(self, *, lateral: bool) -> tuple[str, ...]:
+        """Return the surfaces whose effectiveness it estimates: all that are commanded."""
+        return SURFACES if lateral else SURFACES[:1]
+
+    def idle(self, place: str, surroundings: Surroundings) -> dict[str, str]:
+        """Return the keys of roll and yaw without effect."""
+        keys = ("beta_disturbance_deg_s", "p_disturbance_deg_s2", "r_disturbance_deg_s2")
+        return {} if surroundings.lateral else {f"{place}.{key}": "lateral.enabled = false" for key in keys}
+
+    def conflicts(self, place: str, surroundings: Surroundings) -> list[str]:
+        """Return the problems of limits that do not rise, and of a model that has no roll and yaw."""
+        problems = []
+        if self.memory == "variable" and not self.variance_min < self.variance_max:
+            problems.append(
+                f"{place}.variance_min: must be below variance_max = {self.variance_max:g} (got {self.variance_min:g})"
+            )
+        if surroundings.lateral and self.model != "scheduled":
+            problems.append(
+                f"{place}.model: must be 'scheduled' with kind = '{self.kind}' and lateral.enabled = true (got '{self.model}')"
+            )
+        return problems
+
+    def build(self, onboard: OnBoard) -> TwoStagePitch | TwoStageSurfaces:
+        """Return the estimator of the elevator, or of all surfaces if the model of roll and yaw is on board."""
+        forgetting: Forgetting = NoForgetting()
+        if self.memory == "fading":
+            forgetting = ConstantForgetting(self.forgetting)
+        elif self.memory == "variable":
+            forgetting = VariableForgetting(self.variance_min, self.variance_max)
+        config = SurfacesConfig(
+            forgetting=forgetting,
+            walk_std=self.walk_std,
+            test_window=self.window,
+            false_alarm=self.false_alarm,
+            smoothing=self.smoothing,
+            bounds=self.bounds,
+            prior_std=self.prior.effectiveness_std,
+            follow_disturbances=self.follow_disturbances,
+            scheduled=self.model == "scheduled",
+            disturbances=(
+                self.alpha_disturbance_deg_s * DEG,
+                self.q_disturbance_deg_s2 * DEG,
+                self.beta_disturbance_deg_s * DEG,
+                self.p_disturbance_deg_s2 * DEG,
+                self.r_disturbance_deg_s2 * DEG,
+            ),
+        )
+        return TwoStagePitch(config, onboard) if onboard.lateral is None else TwoStageSurfaces(config, onboard)

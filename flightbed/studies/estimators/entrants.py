@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 TRUE_K = "true K"  # no estimator: the law divides by the true K
@@ -41,70 +43,14 @@ class Entrant:
 CHANGED = "K has changed"
 UNEXPLAINED = "no K explains it"
 UNDECLARED = "alarms, if any"  # of code outside flightbed; ``measures`` replaces it by CHANGED or ""
-_SENSORS = "white noise of known size on alpha and q"
 
-ENTRANTS: tuple[Entrant, ...] = (
-    Entrant(
-        "scheduled",
-        {"kind": "loop-gain", "model": "scheduled", "memory": "window", "window": 30},
-        "pitch motion over Mach number and alpha, for a healthy aircraft",
-        "K, constant over the window; that it has changed",
-        f"{_SENSORS}; disturbances of alpha and q as large as the readings show",
-        CHANGED,
-    ),
-    Entrant(
-        "short-period",
-        {"kind": "loop-gain", "model": "short-period", "memory": "window", "window": 30},
-        "two-state linear model at the trim point",
-        "K, constant over the window",
-        f"{_SENSORS}; white disturbances of fixed size",
-    ),
-    Entrant(
-        "expanding",
-        {"kind": "loop-gain", "model": "short-period", "memory": "expanding"},
-        "two-state linear model at the trim point",
-        "K, constant for the whole flight",
-        f"{_SENSORS}; white disturbances of fixed size",
-    ),
-    Entrant(
-        "differentiated-rls",
-        {"kind": "differentiated-rls"},
-        "pitch motion over Mach number and alpha, for a healthy aircraft",
-        "K, drifting as fast as residuals ask for",
-        "none in the regressor; filtered pitch acceleration with white residuals of the size that the noise of q gives",
-    ),
-    Entrant(
-        "two-stage",
-        {"kind": "two-stage", "memory": "variable", "window": 3},
-        "pitch motion over Mach number and alpha, for a healthy aircraft",
-        "K, a slow random walk; that it is not 1",
-        f"{_SENSORS}; disturbances of alpha and q as large as the readings show",
-        CHANGED,
-    ),
-    Entrant(
-        "plid",
-        {"kind": "plid"},
-        "second-order transfer function from elevator to pitch rate of the same model, of the healthy aircraft",
-        "its four coefficients, drifting; K is the ratio of the numerators",
-        "q behind a band pass, white process noise as large as what is left of the noise of q",
-    ),
-    Entrant(
-        "retrospective-cost",
-        {"kind": "retrospective-cost"},
-        "pitch motion over Mach number and alpha, for a healthy aircraft, without the elevator's share",
-        "the acting deflection, of any cause; K and an offset by regression on the measured one; whether K explains it",
-        "none in the reconstruction; in the regression the noise of alpha and q, raised to what the readings show",
-        UNEXPLAINED,
-    ),
-    Entrant(
-        "input-kalman",
-        {"kind": "input-kalman"},
-        "pitch motion over Mach number and alpha, for a healthy aircraft, without the elevator's share",
-        "the deflection that acts, a random walk; K and an offset by regression on the measured one; whether K explains it",
-        f"{_SENSORS}, white disturbances of fixed size; in the regression raised to what the readings show",
-        UNEXPLAINED,
-    ),
-)
+
+def _entrants() -> tuple[Entrant, ...]:
+    file = Path(__file__).with_suffix(".toml")
+    return tuple(Entrant(**row) for row in tomllib.loads(file.read_text(encoding="utf-8"))["entrants"])
+
+
+ENTRANTS = _entrants()
 
 
 def inline(value: object) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flightbed.config.families import in_use, summary
-from flightbed.config.kinds import EstimatorSettings
+from flightbed.config.kinds import ESTIMATORS, EstimatorSettings
 from flightbed.config.reading import read_toml, validation_lines, with_tuples
 from flightbed.config.table import ValidationError
 from flightbed.core.errors import InputError, ScenarioError
@@ -65,7 +65,7 @@ def _entrant(place: str, table: Mapping[str, Any]) -> Entrant:
     """Return a row of the tables for a table of settings."""
     name = str(table["kind"]).rpartition(":")[2].rpartition(".")[2]
     try:
-        settings = EstimatorSettings.model_validate(with_tuples({"name": name, **table}))
+        settings = ESTIMATORS.make(**with_tuples({"name": name, **table}))
     except ValidationError as error:
         raise ScenarioError(validation_lines(error, place, model=EstimatorSettings)) from None
     own = {key: value for key, value in table.items() if key != "name"}

@@ -18,7 +18,7 @@ from flightbed.statistics.intervals import outcome, spread
 from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import plots, printed
 from flightbed.studies.sillence.plots import BASIC, TIME
-from flightbed.studies.sillence.setup import EXPANDING, WINDOW, estimator, thesis
+from flightbed.studies.sillence.setup import EXPANDING, WINDOW, changed, estimator, thesis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,22 +51,23 @@ def f16(
         left: K after the failure at 4.5 s; None keeps the failures of ``base`` or of ``tables``.
         adapts: name of the estimator that corrects the law, or ``ORACLE``; empty for the fixed law.
         base: shipped scenario that supplies all other settings.
-        tables: further tables of the scenario; their keys replace those of ``base``.
+        tables: further tables of the scenario; their keys replace those of ``base``, a table with a kind replaces the whole.
 
     """
     raw = tomllib.loads(data.find("scenario", base).read_text(encoding="utf-8"))
     scheduled = next(e for e in raw["estimators"] if e["name"] == SCHEDULED)
     bounds: dict[str, Any] = {"bounds": (0.0, 1.0)} if adapts == WINDOW else {}
     given: dict[str, Any] = {
-        "adaptation": {"enabled": True, "oracle": True}
-        if adapts == ORACLE
-        else {"enabled": bool(adapts), "estimator": adapts},
+        "adaptation": {"enabled": True, "estimator": adapts} if adapts else {"enabled": False},
         "estimators": [estimator(WINDOW, **bounds), estimator(EXPANDING, "expanding"), scheduled],
     }
+    if adapts == ORACLE:  # no estimator is named, and no caution is taken with its sigma
+        raw["adaptation"] = {k: v for k, v in raw["adaptation"].items() if k not in ("estimator", "caution")}
+        given["adaptation"] = {"enabled": True, "oracle": True}
     if left is not None:
         given["failures"] = [{"kind": "effectiveness", "at_s": printed.FAILED_AT_S, "to": left}]
     for table, keys in (*given.items(), *tables.items()):
-        raw[table] = {**raw.get(table, {}), **keys} if isinstance(keys, Mapping) else keys
+        raw[table] = changed(raw.get(table, {}), keys) if isinstance(keys, Mapping) else keys
     return load_scenario(raw)
 
 

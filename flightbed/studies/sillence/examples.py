@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from flightbed.analysis.seeds import Flown, Job
 from flightbed.avionics.short_period import zero_order_hold
-from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
 from flightbed.core.units import DEG
 from flightbed.document.document import Section, Table
@@ -19,7 +18,7 @@ from flightbed.studies.methods.least_squares import difference_noise_covariance,
 from flightbed.studies.methods.record import batch_estimate, estimate_record
 from flightbed.studies.methods.sinusoids import phasor, second_order, transfer_function
 from flightbed.studies.sillence import printed
-from flightbed.studies.sillence.setup import thesis
+from flightbed.studies.sillence.setup import law_gains, thesis
 
 Array = npt.NDArray[np.float64]
 
@@ -69,10 +68,7 @@ def sine_tests() -> list[IdentifiedParameter]:
     A2 = np.array([[0.0, 1.0], [-(omega_n**2), -2.0 * zeta * omega_n]])
     found = second_order(3.0, _steady(A2, np.array([0.0, omega_n**2]), np.array([1.0, 0.0]), 3.0))
     identified = [IdentifiedParameter("omega_n, rad/s", omega_n, found[0]), IdentifiedParameter("zeta", zeta, found[1])]
-    settings = thesis().control.gains
-    assert settings is not None
-    design = load_linear_aircraft("sillence").design
-    gains = Gains(settings.alpha, settings.q_s, settings.elevator, settings.reference_s, 0.0)
+    design, gains = load_linear_aircraft("sillence").design, law_gains("proportional")
     A3, (_, b3) = closed_loop(design, gains), design.with_actuator()
     responses = np.array([_steady(A3, b3 * gains.reference, np.array([0.0, 1.0, 0.0]), w) for w in _TESTS_RAD_S])
     H = transfer_function(np.array(_TESTS_RAD_S), responses, order=3)

@@ -15,7 +15,7 @@ from flightbed.document import drawing
 from flightbed.document.document import Picture, Section
 from flightbed.models.linear_aircraft import load_linear_aircraft
 from flightbed.studies.base import Flights, Part
-from flightbed.studies.sillence import plots, printed
+from flightbed.studies.sillence import plots, printed, setup
 from flightbed.studies.sillence.gain_figures import adaptive, estimates
 from flightbed.studies.sillence.measures import SETTLED_S, tracking
 from flightbed.studies.sillence.plots import BASIC, TIME, Figure, columns_of, noise_words
@@ -66,12 +66,11 @@ def figures() -> Part:
 
 def _introduction_figures() -> Iterator[Figure]:
     """Figures 3 to 6: the loop with and without alpha feedback; 7 to 10: the effect of noise in alpha."""
-    design, given = load_linear_aircraft("sillence").design, thesis().control.gains
-    assert given is not None
-    full = given.model_dump()
-    blind = {**full, "alpha": 0.0, "reference_s": reference_gain(design, [0.0, given.q_s, given.elevator])}
-    loops = [(3, _P, blind, "without"), (4, _P, full, "with"), (5, _PI, blind, "without"), (6, _PI, full, "with")]
-    for number, law, gains, word in loops:
+    design = load_linear_aircraft("sillence").design
+    for number, law, word in ((3, _P, "without"), (4, _P, "with"), (5, _PI, "without"), (6, _PI, "with")):
+        gains = setup.gains(law)
+        if word == "without":
+            gains |= {"alpha": 0.0, "reference_s": reference_gain(design, [0.0, gains["q_s"], gains["elevator"]])}
         yield Figure(
             number, f"pitch rate {word} alpha feedback, {law} law",
             f"Nothing fails, no noise; K_alpha {gains['alpha']:g}, K_r {gains['reference_s']:.4f}.",

@@ -11,7 +11,6 @@ import numpy as np
 
 from flightbed.analysis.seeds import Flown, Job
 from flightbed.command.base import energy
-from flightbed.config import families
 from flightbed.document import drawing
 from flightbed.document.document import Cell, Picture, Section, Table
 from flightbed.scenario.tables import Scenario
@@ -93,16 +92,22 @@ def flight(plant: str, name: str, memory: str) -> Scenario:
         memory: ``EXPANDING`` or ``WINDOW``.
 
     """
-    command = {**INPUTS[name], "amplitude_deg_s": amplitude(plant, name)}
+    command = _command(name, amplitude(plant, name))
     if plant == "linear":
         filters = [estimator(memory, memory, input_at="mean", prior={"state": "measurement"})]
         return thesis(left=None, estimators=filters, command=command)
-    scheduled = next(e for e in f16().estimators if e.name == SCHEDULED).model_dump(exclude={"prior"})
+    given = next(e for e in f16().estimators if e.name == SCHEDULED)
+    scheduled = given.model_dump(exclude={"prior"}, exclude_unset=True)
     settled = {"alarm_threshold": 0.0, "follow_disturbances": False, "hold_std": 0.0, "bounds": (-1000.0, 1000.0)}
     if memory == EXPANDING:
-        del settled["alarm_threshold"]
+        del settled["alarm_threshold"], scheduled["window"]
     filters = [{**scheduled, **settled, "name": memory, "memory": memory}]
     return f16(left=None, failures=[], command=command, estimators=filters)
+
+
+def _command(name: str, amplitude_deg_s: float) -> Mapping[str, Any]:
+    """Return the table of an input with an amplitude, which the input "none" does not have."""
+    return INPUTS[name] if name == "none" else {**INPUTS[name], "amplitude_deg_s": amplitude_deg_s}
 
 
 def amplitude(plant: str, name: str) -> float:
@@ -113,8 +118,8 @@ def amplitude(plant: str, name: str) -> float:
 
 def _energy_deg2_s(plant: str, name: str) -> float:
     """Return the energy, (deg/s)^2 s, over the flight of an input with the amplitude of the plant's doublets."""
-    base = thesis(left=None, command={**INPUTS[name], "amplitude_deg_s": PLANTS[plant]})
-    command = families.factory("commands", base.command.kind)(base.command)
+    base = thesis(left=None, command=_command(name, PLANTS[plant]))
+    command = base.command.rate()
     hz = base.rates.control_hz
     return energy(np.degrees(command(np.arange(base.ticks) / hz)), control_hz=hz)
 

@@ -30,7 +30,7 @@ _CASES: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
             "level-loss",
             (_DEVIATION, "command.kind=dither", "command.amplitude_deg_s=0.5"),
         ),
-        "no elevator at trim, no dither": ("dithered-level", ("command.kind=none",)),
+        "no elevator at trim, no dither": ("dithered-level", ("command={kind='none'}",)),
         "no elevator at trim, dither 0.1 deg/s": ("dithered-level", ("command.amplitude_deg_s=0.1",)),
         "no elevator at trim, dither 0.5 deg/s": ("dithered-level", ()),
         "no elevator at trim, dither 1 deg/s": ("dithered-level", ("command.amplitude_deg_s=1.0",)),

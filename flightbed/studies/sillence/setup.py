@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightbed.analysis.seeds import Flown, Job
+from flightbed.control.base import Gains
 from flightbed.core import data
 from flightbed.document.document import Section, Table
 from flightbed.scenario.reading import Scenario, load_scenario
@@ -20,6 +21,7 @@ from flightbed.studies.base import Part, keyed_part
 from flightbed.studies.sillence import printed
 
 UNBOUNDED = (-1000.0, 1000.0)
+_INTEGRAL = -0.0001  # gain of the integral in the proportional-integral law
 SEARCH_RUNS = 25
 FINAL_TOLERANCE, ENTRY_TOLERANCE_S = 0.01, 0.08  # one unit of distance: medians against printed values
 
@@ -57,8 +59,25 @@ def estimator(name: str, memory: str = "window", setup: Setup = DEFAULT, **chang
     return {**base, "name": name, "input_at": setup.input_at, "bounds": UNBOUNDED, "prior": prior, **changes}
 
 
+def gains(law: str) -> dict[str, float]:
+    """Return the thesis's gains of a law, with the keys of ``control.gains``."""
+    given: dict[str, float] = _raw()["control"]["gains"]
+    return {**given, "integral": _INTEGRAL} if law == "proportional-integral" else dict(given)
+
+
+def law_gains(law: str) -> Gains:
+    """Return the thesis's gains of a law."""
+    given = gains(law)
+    return Gains(given["alpha"], given["q_s"], given["elevator"], given["reference_s"], given.get("integral", 0.0))
+
+
 WINDOW, EXPANDING = "window", "expanding"
 FAST = "window-smoothed-07"  # the window, smoothed by 0.7 instead of 0.9
+
+
+def changed(table: Mapping[str, Any], keys: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a table with other keys; those of a kind, or of a table that is off, replace the whole table: others have no effect there."""
+    return keys if "kind" in keys or keys.get("enabled") is False else {**table, **keys}
 
 
 def thesis(
@@ -82,7 +101,8 @@ def thesis(
         noise: standard deviations of the readings of alpha, deg, and pitch rate, deg/s.
         estimators: settings of the estimators; if empty, the thesis's two filters, unbounded.
         setup: choices that the thesis leaves open.
-        tables: further tables of the scenario; keys of a table replace those of ``thesis-loss``, a list replaces the whole list.
+        tables: further tables of the scenario; keys of a table replace those of ``thesis-loss``, a list or a table with a kind replaces
+            the whole.
 
     """
     given = list(estimators) or [estimator(WINDOW, "window", setup), estimator(EXPANDING, "expanding", setup)]
@@ -91,11 +111,15 @@ def thesis(
         "failures": [] if left is None else [{"kind": "effectiveness", "at_s": at_s, "to": left}],
         "command": {"start_s": setup.start_s},
         "sensors": {"alpha_std_deg": noise[0], "q_std_deg_s": noise[1]},
-        "control": {"law": law, "state_from": "" if setup.fed_back == "readings" else setup.fed_back},
-        "adaptation": {"enabled": bool(adapts), "estimator": adapts},
+        "control": {
+            "law": law,
+            "state_from": "" if setup.fed_back == "readings" else setup.fed_back,
+            "gains": gains(law),
+        },
+        "adaptation": {"enabled": True, "estimator": adapts} if adapts else {"enabled": False},
     }
     for table, keys in (*settings.items(), *tables.items()):
-        raw[table] = {**raw.get(table, {}), **keys} if isinstance(keys, Mapping) else keys
+        raw[table] = changed(raw.get(table, {}), keys) if isinstance(keys, Mapping) else keys
     return load_scenario({**raw, "estimators": given})
 
 
@@ -152,7 +176,7 @@ _READINGS = ("left-out", "used")
 _RESAMPLES, _SEED = 400, 4  # bootstrap over the noise draws, for intervals of differences of distance
 
 
-def search() -> Part:
+def search(runs: int = SEARCH_RUNS) -> Part:
     """Fly the set-ups that the thesis leaves open and rank them by their distance from the print."""
     jobs: dict[tuple[float, str, str, float], Job] = {}
     variants = list(product(_INPUTS, _READINGS))
@@ -162,10 +186,10 @@ def search() -> Part:
             # The expanding filter uses a thousand readings: the reading at the prior's sample is negligible.
             filters += [estimator(f"{EXPANDING}-{i}", EXPANDING, Setup(i)) for i in _INPUTS]
             jobs[start_s, "", "readings", left] = Job(
-                thesis(left=left, estimators=filters, setup=Setup(start_s=start_s)), SEARCH_RUNS
+                thesis(left=left, estimators=filters, setup=Setup(start_s=start_s)), runs
             )
         for input_at, fed in product(_INPUTS, (WINDOW, EXPANDING)):
-            jobs[0.0, input_at, fed, left] = Job(thesis(left=left, setup=Setup(input_at, fed_back=fed)), SEARCH_RUNS)
+            jobs[0.0, input_at, fed, left] = Job(thesis(left=left, setup=Setup(input_at, fed_back=fed)), runs)
 
     def build(flown: Mapping[tuple[float, str, str, float], list[Flown]]) -> Section:
         return _section(sorted(_candidates(flown), key=lambda candidate: candidate.distance))
@@ -245,8 +269,8 @@ def _section(candidates: Sequence[Candidate]) -> Section:
     table = Table(
         "setups", "Set-ups of the linear experiment, nearest to the print first (K_1 = 0.8, 0.6, 0.4, 0.2, 0.1)", columns, rows,
         {"distance": ".3f", "largest": ".3f", "doublets start, s": ".2f", "further than the nearest": ".3f"},
-        note=f"Medians over {SEARCH_RUNS} noise draws. Distance: root mean square of the 15 differences of Tables 4 and 5 from the print, "
-        f"in units of {FINAL_TOLERANCE} of K and {ENTRY_TOLERANCE_S} s; largest: the largest of them.",
+        note=f"Medians over {candidates[0].values.shape[1]} noise draws. Distance: root mean square of the 15 differences of Tables 4 and "
+        f"5 from the print, in units of {FINAL_TOLERANCE} of K and {ENTRY_TOLERANCE_S} s; largest: the largest of them.",
     )  # fmt: skip
     nearest = [t.setup for t, interval in zip(candidates, apart, strict=True) if interval.low <= 0.0]
     kept = "it is among them" if DEFAULT in nearest else "it is not"

@@ -10,8 +10,6 @@ import numpy as np
 
 from flightbed.analysis.metrics import snr_db
 from flightbed.analysis.seeds import Flown, Job
-from flightbed.config.kinds import GainSettings
-from flightbed.control.base import Gains
 from flightbed.control.design import closed_loop
 from flightbed.document.document import Section, Table, show
 from flightbed.models.linear_aircraft import load_linear_aircraft
@@ -26,6 +24,7 @@ from flightbed.studies.sillence.setup import (
     FINAL_TOLERANCE,
     WINDOW,
     estimator,
+    law_gains,
     thesis,
 )
 
@@ -73,15 +72,12 @@ def same_digits(value: float, text: str) -> bool:
 
 def eigenvalue_tables() -> list[Table]:
     """Return Tables 2 and 3: eigenvalues of the open and of the closed loop, rad/s."""
-    settings = thesis().control.gains
-    assert settings is not None
-    return [_eigenvalues(2, "PI", printed.TABLE_2, settings), _eigenvalues(3, "P", printed.TABLE_3, settings)]
+    return [_eigenvalues(2, "PI", printed.TABLE_2), _eigenvalues(3, "P", printed.TABLE_3)]
 
 
-def _eigenvalues(number: int, law: str, wanted: Any, settings: GainSettings) -> Table:
+def _eigenvalues(number: int, law: str, wanted: Any) -> Table:
     design = load_linear_aircraft("sillence").design
-    integral = settings.integral if law == "PI" else 0.0
-    gains = Gains(settings.alpha, settings.q_s, settings.elevator, settings.reference_s, integral)
+    gains = law_gains("proportional-integral" if law == "PI" else "proportional")
     rows: list[list[Any]] = []
     loops = [("open loop", design.with_actuator()[0], printed.OPEN_LOOP)]
     loops += [(f"K = {K:g}", closed_loop(design, gains, effectiveness=K), wanted[K]) for K in wanted]

@@ -11,16 +11,16 @@ import pytest
 from scipy.signal import cont2discrete, dimpulse
 
 from flightbed.avionics.pitch_points import PitchPoint, dynamic_pressure_pa
-from flightbed.config.kinds import Control, Identification
 from flightbed.control.load_factor.adaptive import (
     FIRST_GAINS,
     SIGNS,
     THESIS_PRIOR,
+    IdentificationSettings,
     NzAdaptive,
     NzAdaptiveConfig,
+    NzAdaptiveSettings,
     rest_state,
 )
-from flightbed.control.load_factor.adaptive import build as nz_adaptive
 from flightbed.control.load_factor.autothrottle import Autothrottle
 from flightbed.control.load_factor.design import (
     POLES,
@@ -219,7 +219,8 @@ def test_gains_that_are_kept_change_by_their_share_but_for_the_first() -> None:
 def test_single_precision_flies_the_same_model() -> None:
     points = (replace(POINT, dynamic_pressure_pa=9000.0), POINT)
     design = LoadFactorDesign(points, POINT, 20.2, STOPS, -0.013)
-    laws = [nz_adaptive(Control(identification=Identification(precision=p)), design, 100) for p in ("double", "single")]
+    identified = [IdentificationSettings(precision="double"), IdentificationSettings(precision="single")]
+    laws = [NzAdaptiveSettings(identification=settings).build(design, 100) for settings in identified]
     m = LEVEL._replace(nz_g=cos(0.035) + 0.2, q_rad_s=0.01)
     demands = [[law.demand(m, increment_ref_g=0.0, hold=False) for _ in range(20)] for law in laws]
     assert demands[0] != demands[1]

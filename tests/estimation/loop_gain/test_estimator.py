@@ -11,11 +11,10 @@ from scipy.stats import chi2
 
 from flightbed.avionics.onboard import OnBoard
 from flightbed.avionics.short_period import ShortPeriod
-from flightbed.config.kinds import EstimatorSettings, Prior
 from flightbed.core.signals import Measurement, SensorNoise
 from flightbed.core.units import DEG
 from flightbed.estimation.loop_gain import filter_bank
-from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig, loop_gain_config
+from flightbed.estimation.loop_gain.estimator import LoopGain, LoopGainConfig, LoopGainPrior, LoopGainSettings
 from flightbed.studies.methods.record import estimate_record
 from tests.linear_flight import NOISE, fly_linear
 
@@ -251,18 +250,18 @@ def test_the_tick_gives_the_same_compiled_and_plain(rng: np.random.Generator, fi
 
 def test_defaults_of_class_and_scenario_are_one() -> None:
     """Field by field, in SI: the Python class and a scenario without settings give the same filter."""
-    settings = EstimatorSettings.model_validate({"name": "x", "model": "short-period"})
-    assert loop_gain_config(settings) == LoopGainConfig()
+    settings = LoopGainSettings.model_validate({"name": "x", "model": "short-period"})
+    assert settings.config() == LoopGainConfig()
 
 
 def test_every_setting_of_a_scenario_reaches_the_filter() -> None:
     """No value is a default, so a setting that is not passed on fails the test."""
-    settings = EstimatorSettings(
+    settings = LoopGainSettings(
         name="x", model="scheduled", input="deviation", input_at="end", memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2),
         alpha_disturbance_deg_s=0.3, q_disturbance_deg_s2=4.0, alarm_threshold=12.0, follow_disturbances=True, hold_std=0.2,
-        prior=Prior(state="fixed", first_reading="used", alpha_deg=-1.4, q_deg_s=-2.4, alpha_std_deg=0.3, q_std_deg_s=2.0, effectiveness=0.8, effectiveness_std=0.5),
+        prior=LoopGainPrior(state="fixed", first_reading="used", alpha_deg=-1.4, q_deg_s=-2.4, alpha_std_deg=0.3, q_std_deg_s=2.0, effectiveness=0.8, effectiveness_std=0.5),
     )  # fmt: skip
-    found = loop_gain_config(settings)
+    found = settings.config()
     assert found == LoopGainConfig(
         memory="fading", window=17, forgetting=0.93, smoothing=0.7, bounds=(0.1, 1.2), absolute=False, scheduled=True,
         alarm_threshold=12.0, follow_disturbances=True, hold_std=0.2,
@@ -281,15 +280,15 @@ def test_every_setting_of_a_scenario_reaches_the_filter() -> None:
 def test_the_prior_selects_the_start_of_a_filter(
     state: Literal["measurement", "fixed"], first_reading: Literal["left-out", "used"], begin: str
 ) -> None:
-    prior = Prior(state=state, first_reading=first_reading)
-    settings = EstimatorSettings(name="x", model="short-period", prior=prior)
-    assert loop_gain_config(settings) == LoopGainConfig(prior_state=begin)
+    prior = LoopGainPrior(state=state, first_reading=first_reading)
+    settings = LoopGainSettings(name="x", model="short-period", prior=prior)
+    assert settings.config() == LoopGainConfig(prior_state=begin)
 
 
 @pytest.mark.parametrize("input_at", ["mean", "start", "end"])
 def test_the_scenario_selects_the_input(input_at: Literal["mean", "start", "end"]) -> None:
-    settings = EstimatorSettings(name="x", model="short-period", input_at=input_at)
-    assert loop_gain_config(settings) == LoopGainConfig(input_at=input_at)
+    settings = LoopGainSettings(name="x", model="short-period", input_at=input_at)
+    assert settings.config() == LoopGainConfig(input_at=input_at)
 
 
 def test_noise_of_the_position_transducer_widens_sigma(rng: np.random.Generator, design: ShortPeriod) -> None:

@@ -82,7 +82,7 @@ def test_in_single_precision_the_plain_form_is_lost_and_the_factored_one_is_not(
                 form.update(y, u_before)
             if first is None and np.linalg.eigvalsh(plain.covariance)[0] < 0.0:
                 first = k
-            assert np.all(np.diag(factored._stored) > 0.0), (seed, k)
+            assert np.all(np.diag(factored.stored) > 0.0), (seed, k)
             u_before = u
         lost.append(first)
         off.append([np.max(np.abs(form.parameters - reference.parameters)) for form in (plain, factored)])
