@@ -39,8 +39,35 @@ def records(store: Array, record: np.dtype[Any]) -> Any:
     return store.view(record).view(np.recarray)
 
 
+def record(store: Array, at: int, record: np.dtype[Any]) -> Any:
+    """Return the record that begins at an index of a contiguous array, without a copy; also in compiled code.
+
+    Compiled, it is a pointer, valid as long as the store: it counts no references, which would cost more than the arithmetic of a tick.
+    """
+    return store[at : at + size(record)].view(record).view(np.recarray)[0]
+
+
 if not PLAIN:
-    from numba.extending import overload
+    from numba import types
+    from numba.extending import intrinsic, overload
+
+    @intrinsic
+    def _pointer(_typing: Any, store: Any, at: Any, record: Any) -> Any:  # noqa: ARG001
+        kind = record.dtype
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            array = context.make_array(signature.args[0])(context, builder, arguments[0])
+            place = builder.gep(array.data, [arguments[1]])
+            return builder.bitcast(place, context.get_value_type(kind))
+
+        return kind(store, types.intp, record), generate
+
+    @overload(record)
+    def _compiled_record(store: Any, at: Any, record: Any) -> Callable[..., Any]:  # noqa: ARG001
+        def point(store: Any, at: Any, record: Any) -> Any:
+            return _pointer(store, at, record)  # type: ignore[call-arg]
+
+        return point
 
     @overload(records)
     def _compiled_records(store: Any, record: Any) -> Callable[..., Any]:  # noqa: ARG001

@@ -22,7 +22,7 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.config.kinds import EffectivenessPrior, EstimatorSettings
 from flightbed.config.table import between
 from flightbed.core.compiled import Array, compiled
-from flightbed.core.records import records
+from flightbed.core.records import record
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.estimation.loop_gain.filter_bank import TickResult
 from flightbed.estimation.packed import ESTIMATE
@@ -117,7 +117,7 @@ def observe(
 ) -> None:
     """Take the readings of tick k: ``DifferentiatedRls.update`` for compiled callers; see ``packed.Packable``."""
     found = take(memory[:_STATE], memory[_STATE : _STATE + _SETTINGS], memory[_STATE + _SETTINGS :], now, k)
-    to = records(out, ESTIMATE)[0]
+    to = record(out, 0, ESTIMATE)
     (
         to.effectiveness, to.effectiveness_std, to.effectiveness_smoothed, to.effectiveness_raw, to.alpha_rad, to.q_rad_s, to.nis,
         to.alarms, to.innovation_alpha_rad, to.innovation_q_rad_s, to.innovation_alpha_std_rad, to.innovation_q_std_rad_s,

@@ -33,7 +33,7 @@ from flightbed.control.redesign import Redesign, RedesignedPitch
 from flightbed.control.roll_yaw import RollYaw
 from flightbed.core.atmosphere import air
 from flightbed.core.compiled import Array, compiled
-from flightbed.core.records import layout, packed, records, size
+from flightbed.core.records import layout, packed, record, records, size
 from flightbed.core.signals import (
     NOTHING_RECONSTRUCTED,
     Estimate,
@@ -165,10 +165,9 @@ FUNCTIONS = frozenset(
 @compiled
 def _read(head: Any, store: Array, row: Array, k: int) -> None:
     """Compute the true values of a raw row, and the readings."""
-    true = row[_TRUTH_AT:_MEASURED_AT]
-    truth, measured = records(true, _TRUTH)[0], records(row[_MEASURED_AT:_ESTIMATES_AT], MEASUREMENT)[0]
+    truth, measured = record(row, _TRUTH_AT, _TRUTH), record(row, _MEASURED_AT, MEASUREMENT)
     if head.is_raw > 0.0:
-        raw = records(true, _RAW)[0]
+        raw = record(row, _TRUTH_AT, _RAW)
         (
             truth.alpha_rad, truth.q_rad_s, truth.theta_rad, truth.phi_rad, truth.psi_rad, truth.airspeed_m_s, truth.mach,
             truth.altitude_m, truth.north_m, truth.east_m, truth.nz_g, truth.elevator_rad, truth.elevator_mean_rad, truth.effectiveness,
@@ -181,7 +180,7 @@ def _read(head: Any, store: Array, row: Array, k: int) -> None:
             raw.elevator_force, raw.cg_shift, raw.gust_up_m_s, raw.elevator_offset,
         )  # fmt: skip
     off = int(head.errors) + _ERROR_SIZE * k
-    e = records(store[off : off + _ERROR_SIZE], _ERRORS)[0]
+    e = record(store, off, _ERRORS)
     (
         measured.alpha_rad, measured.q_rad_s, measured.elevator_rad, measured.elevator_mean_rad, measured.mach, measured.altitude_m,
         measured.theta_rad, measured.phi_rad, measured.nz_g,
@@ -194,10 +193,10 @@ def _read(head: Any, store: Array, row: Array, k: int) -> None:
 @compiled
 def _read_lateral(head: Any, store: Array, side: Array, k: int) -> None:
     """Compute the readings of roll and yaw."""
-    truth = records(side[_LATERAL_TRUTH_AT:_LATERAL_MEASURED_AT], _LATERAL_TRUTH)[0]
-    measured = records(side[_LATERAL_MEASURED_AT:], LATERAL_MEASUREMENT)[0]
+    truth = record(side, _LATERAL_TRUTH_AT, _LATERAL_TRUTH)
+    measured = record(side, _LATERAL_MEASURED_AT, LATERAL_MEASUREMENT)
     off = int(head.lateral_errors) + _LATERAL_ERROR_SIZE * k
-    e = records(store[off : off + _LATERAL_ERROR_SIZE], _LATERAL_ERRORS)[0]
+    e = record(store, off, _LATERAL_ERRORS)
     measured.beta_rad = truth.beta_rad + e.beta
     measured.p_rad_s = truth.p_rad_s + e.p
     measured.r_rad_s = truth.r_rad_s + e.r
@@ -211,7 +210,7 @@ def _read_lateral(head: Any, store: Array, side: Array, k: int) -> None:
 def _is_changed(head: Any, law: Any, estimates: Array) -> bool:
     """Return whether ``Redesign`` designs a law anew for the estimates of a tick."""
     at = _FIELDS * int(law.estimate)
-    estimate = records(estimates[at : at + _FIELDS], ESTIMATE)[0]
+    estimate = record(estimates, at, ESTIMATE)
     smoothed, floor = estimate.effectiveness_smoothed, head.redesign_floor
     wanted = smoothed if smoothed > floor else floor
     return bool(estimate.alarms > 0.0 and abs(wanted - law.effectiveness) > head.redesign_tolerance)
@@ -225,7 +224,7 @@ def _share(fix: Any, true: float, estimates: Array) -> float:
     if fix.source == _BY_TRUE_K:
         return correction.divisor(true, 0.0, fix.floor, fix.caution)
     at = _FIELDS * int(fix.estimate)
-    estimate = records(estimates[at : at + _FIELDS], ESTIMATE)[0]
+    estimate = record(estimates, at, ESTIMATE)
     if not isfinite(estimate.effectiveness_smoothed):
         return nan
     return correction.divisor(estimate.effectiveness_smoothed, estimate.effectiveness_std, fix.floor, fix.caution)
@@ -234,9 +233,9 @@ def _share(fix: Any, true: float, estimates: Array) -> float:
 @compiled
 def _decide_lateral(corrections: Any, laws: Any, side: Array, estimates: Array) -> bool:
     """Compute the commands to aileron and rudder; return whether the K of both corrections is finite."""
-    truth = records(side[_LATERAL_TRUTH_AT:_LATERAL_MEASURED_AT], _LATERAL_TRUTH)[0]
-    measured = records(side[_LATERAL_MEASURED_AT:], LATERAL_MEASUREMENT)[0]
-    commands = records(side[:_LATERAL_TRUTH_AT], _LATERAL_COMMANDS)[0]
+    truth = record(side, _LATERAL_TRUTH_AT, _LATERAL_TRUTH)
+    measured = record(side, _LATERAL_MEASURED_AT, LATERAL_MEASUREMENT)
+    commands = record(side, 0, _LATERAL_COMMANDS)
     aileron_fix, rudder_fix = corrections[1], corrections[2]
     aileron_share = _share(aileron_fix, truth.aileron_effectiveness, estimates)
     rudder_share = _share(rudder_fix, truth.rudder_effectiveness, estimates)
@@ -291,16 +290,16 @@ def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
     has_elevator, has_gust = variant.elevator_reconstruction, variant.gust_reconstruction
 
     def tick(store: Array, k: int) -> float:
-        head = records(store[:_AT_CORRECTIONS], _HEAD)[0]
-        corrections = records(store[_AT_CORRECTIONS:_AT_PITCH], _CORRECTION)
-        law = records(store[_AT_PITCH:_AT_SURFACES], _PITCH)[0]
+        head = record(store, 0, _HEAD)
+        fix = record(store, _AT_CORRECTIONS, _CORRECTION)
+        law = record(store, _AT_PITCH, _PITCH)
         width = int(head.width)
         at = int(head.rows) + k * width
         row, side_at = store[at : at + width], int(head.lateral_at)
         # Arrays that other variants use cost time even if they are empty.
-        if lateral or redesigns:
-            surface_laws = records(store[_AT_SURFACES:_AT_ESTIMATORS], _SURFACE)
         if lateral:
+            surface_laws = records(store[_AT_SURFACES:_AT_ESTIMATORS], _SURFACE)
+            corrections = records(store[_AT_CORRECTIONS:_AT_PITCH], _CORRECTION)
             side = row[side_at : side_at + _LATERAL_SIZE]
         estimates = row[_ESTIMATES_AT:side_at]
         if head.resumes == 0.0:
@@ -315,11 +314,9 @@ def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
                 turning = side[_LATERAL_MEASURED_AT:]
                 turned = before[side_at + _LATERAL_MEASURED_AT : side_at + _LATERAL_SIZE]
             if has_elevator and k > 0:
-                command = records(before[:_TRUTH_AT], _FLOWN)[0].elevator_cmd_rad
-            count = int(head.estimators)
-            blocks = records(store[_AT_ESTIMATORS : _AT_ESTIMATORS + count * _ESTIMATOR_SIZE], _ESTIMATOR)
-            for number in range(count):
-                block = blocks[number]
+                command = record(before, 0, _FLOWN).elevator_cmd_rad
+            for number in range(int(head.estimators)):
+                block = record(store, _AT_ESTIMATORS + number * _ESTIMATOR_SIZE, _ESTIMATOR)
                 memory, kind = store[int(block.begin) : int(block.end)], int(block.kind)
                 first = int(block.first) * _FIELDS
                 out = estimates[first : first + int(block.count) * _FIELDS]
@@ -341,24 +338,24 @@ def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
                         observers.observe_gust(memory, now, then, turning, turned, command, k, out)
             if redesigns:
                 changed = _is_changed(head, law, estimates)
-                if head.has_roll_yaw_redesign > 0.0:
-                    changed = changed or _is_changed(head, surface_laws[0], estimates)
-                    changed = changed or _is_changed(head, surface_laws[1], estimates)
+                if lateral:  # noqa: SIM102
+                    if head.has_roll_yaw_redesign > 0.0:
+                        changed = changed or _is_changed(head, surface_laws[0], estimates)
+                        changed = changed or _is_changed(head, surface_laws[1], estimates)
                 if changed:
                     head.stopped = _REDESIGNS
                     return nan
         head.resumes, head.stopped = 0.0, _DECIDED
 
-        flown = records(row[:_TRUTH_AT], _FLOWN)[0]
-        truth = records(row[_TRUTH_AT:_MEASURED_AT], _TRUTH)[0]
-        measured = records(row[_MEASURED_AT:_ESTIMATES_AT], MEASUREMENT)[0]
-        fix = corrections[0]
+        flown = record(row, 0, _FLOWN)
+        truth = record(row, _TRUTH_AT, _TRUTH)
+        measured = record(row, _MEASURED_AT, MEASUREMENT)
         effectiveness_used = 1.0
         if fix.source == _BY_TRUE_K:
             effectiveness_used = correction.divisor(truth.effectiveness, 0.0, fix.floor, fix.caution)
         elif fix.source == _BY_ESTIMATE:
             to = _FIELDS * int(fix.estimate)
-            estimate = records(estimates[to : to + _FIELDS], ESTIMATE)[0]
+            estimate = record(estimates, to, ESTIMATE)
             smoothed = estimate.effectiveness_smoothed
             if not isfinite(smoothed) and isfinite(measured.q_rad_s):
                 head.stopped = _INVALID
@@ -372,12 +369,12 @@ def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
         alpha, q = measured.alpha_rad, measured.q_rad_s
         if head.state_from >= 0.0:
             to = _FIELDS * int(head.state_from)
-            state = records(estimates[to : to + _FIELDS], ESTIMATE)[0]
+            state = record(estimates, to, ESTIMATE)
             alpha, q = state.alpha_rad, state.q_rad_s
         if load_factor > 0:
             in_g_at = int(head.in_g_at)
             in_g_row = row[in_g_at : in_g_at + _IN_G_SIZE]
-            in_g = records(in_g_row, _IN_G)[0]
+            in_g = record(in_g_row, 0, _IN_G)
             own, now = store[int(head.law_begin) : int(head.law_end)], row[_MEASURED_AT:_ESTIMATES_AT]
             level = cos(measured.theta_rad) * cos(measured.phi_rad)
             if load_factor == _NZ_SCHEDULED:
@@ -409,7 +406,7 @@ def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
             if not _decide_lateral(corrections, surface_laws, side, estimates):
                 head.stopped = _INVALID_SHARE
                 return nan
-            beta = records(side[_LATERAL_TRUTH_AT:_LATERAL_MEASURED_AT], _LATERAL_TRUTH)[0].beta_rad
+            beta = record(side, _LATERAL_TRUTH_AT, _LATERAL_TRUTH).beta_rad
         head.ended = ending(truth.alpha_rad - head.alpha_start, truth.q_rad_s, truth.altitude_m, head.ground, beta)
         return command if head.ended == FLIES else nan
 
@@ -721,7 +718,7 @@ def _laws(flight: Flight) -> list[Array]:
 
 def _put_redesigned(store: Array, flight: Flight, *, is_new: bool) -> None:
     """Write the laws that a redesign changes into the store; a new law takes over without a step."""
-    pitch, law = flight.law, records(store[_AT_PITCH:_AT_SURFACES], _PITCH)[0]
+    pitch, law = flight.law, record(store, _AT_PITCH, _PITCH)
     if isinstance(pitch, RedesignedPitch):
         gains = pitch.gains
         law.redesigns, law.keep = 1.0, pitch.keep

@@ -28,7 +28,7 @@ from flightbed.control.load_factor.design import (
 from flightbed.control.load_factor.integral_placement import AckermannConfig, IntegralPlacement, place
 from flightbed.control.load_factor.settings import LoadFactorSettings
 from flightbed.core.compiled import Array, compiled
-from flightbed.core.records import layout, records, size
+from flightbed.core.records import layout, record, size
 from flightbed.core.signals import Measurement
 from flightbed.estimation.packed import MEASUREMENT
 from flightbed.estimation.plid import factored, identify
@@ -82,7 +82,7 @@ def demand_of(memory: Array, now: Array, increment_ref_g: float, increment_g: fl
         out: (4,), the identified model, written.
 
     """
-    own, m, a = records(memory[:_AFTER], _MEMORY)[0], records(now, MEASUREMENT)[0], _AFTER
+    own, m, a = record(memory, 0, _MEMORY), record(now, 0, MEASUREMENT), _AFTER
     s, a = memory[a : a + _SIZE], a + _SIZE
     P, a = memory[a : a + _SIZE * _SIZE].reshape((_SIZE, _SIZE)), a + _SIZE * _SIZE
     first_P, a = memory[a : a + _SIZE * _SIZE].reshape((_SIZE, _SIZE)), a + _SIZE * _SIZE

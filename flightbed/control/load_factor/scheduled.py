@@ -19,7 +19,7 @@ from flightbed.control.load_factor.design import (
 )
 from flightbed.control.load_factor.settings import LoadFactorSettings
 from flightbed.core.compiled import Array, compiled
-from flightbed.core.records import layout, records, size
+from flightbed.core.records import layout, record, size
 from flightbed.core.signals import Measurement
 from flightbed.estimation.packed import MEASUREMENT
 
@@ -38,7 +38,7 @@ def demand_of(memory: Array, now: Array, increment_ref_g: float, increment_g: fl
         hold: as in ``LoadFactorLaw``.
 
     """
-    own, m = records(memory[:_TABLE], _MEMORY)[0], records(now, MEASUREMENT)[0]
+    own, m = record(memory, 0, _MEMORY), record(now, 0, MEASUREMENT)
     points = int(own.points)
     table = memory[_TABLE:].reshape((points, (memory.size - _TABLE) // points))
     alpha, q, error, integral = interpolated(table, pressure_pa(m.mach, m.altitude_m, own.square))

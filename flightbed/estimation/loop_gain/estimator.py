@@ -13,7 +13,7 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.config.kinds import EffectivenessPrior, EstimatorSettings, Surroundings
 from flightbed.config.table import NonNegative, Positive, between, only_with
 from flightbed.core.compiled import Array, compiled
-from flightbed.core.records import layout, records, size
+from flightbed.core.records import layout, record, size
 from flightbed.core.signals import NOTHING_RECONSTRUCTED, Estimate, Measurement
 from flightbed.core.units import DEG
 from flightbed.estimation.loop_gain import filter_bank, scheduled
@@ -87,13 +87,13 @@ def observe(
     memory: Array, now: Array, then: Array, _turning: Array, _turned: Array, _command: float, k: int, out: Array
 ) -> None:
     """Take the readings of tick k: ``LoopGain.update`` for compiled callers; see ``packed.Packable``."""
-    wiring = records(memory[:_SETTINGS], _WIRING)[0]
+    wiring = record(memory, 0, _WIRING)
     bank_at = _SETTINGS + filter_bank.SETTINGS
     filters = int(wiring.filters)
     schedule_at = bank_at + filter_bank.ROWS * filters
     settings, schedule = memory[_SETTINGS:bank_at], memory[schedule_at:]
     bank = memory[bank_at:schedule_at].reshape((filter_bank.ROWS, filters))
-    m, before = records(now, MEASUREMENT)[0], records(then, MEASUREMENT)[0]
+    m, before = record(now, 0, MEASUREMENT), record(then, 0, MEASUREMENT)
     elevator = m.elevator_mean_rad if wiring.mean_input > 0.0 else m.elevator_rad
     if wiring.at_start > 0.0:
         elevator = 0.0
@@ -108,7 +108,7 @@ def observe(
             bank, settings, schedule, wiring.dt, elevator, m.alpha_rad, m.q_rad_s, before.alpha_rad, before.q_rad_s,
             before.mach, before.altitude_m, before.theta_rad, before.phi_rad, k,
         )  # fmt: skip
-    to = records(out, ESTIMATE)[0]
+    to = record(out, 0, ESTIMATE)
     (
         to.effectiveness, to.effectiveness_std, to.effectiveness_smoothed, to.effectiveness_raw, to.alpha_rad, to.q_rad_s, to.nis,
         to.alarms, to.innovation_alpha_rad, to.innovation_q_rad_s, to.innovation_alpha_std_rad, to.innovation_q_std_rad_s,

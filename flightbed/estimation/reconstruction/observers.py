@@ -14,7 +14,7 @@ import numpy as np
 
 from flightbed.avionics import pitch_kernels
 from flightbed.core.compiled import Array, compiled
-from flightbed.core.records import layout, records, size
+from flightbed.core.records import layout, record, size
 from flightbed.core.units import DEG
 from flightbed.estimation.loop_gain import filter_bank
 from flightbed.estimation.packed import ESTIMATE, MEASUREMENT
@@ -239,7 +239,7 @@ def observe_elevator(
     memory: Array, now: Array, _then: Array, _turning: Array, _turned: Array, command: float, k: int, out: Array
 ) -> None:
     """Take the readings of tick k: ``ElevatorReconstruction.update`` for compiled callers; see ``packed.Packable``."""
-    head, m = records(memory[:_AFTER], HEAD)[0], records(now, MEASUREMENT)[0]
+    head, m = record(memory, 0, HEAD), record(now, 0, MEASUREMENT)
     n, order, horizon, window, a = int(head.states), int(head.order), int(head.horizon), int(head.window), _AFTER
     queue, a = memory[a : a + int(head.delay)], a + int(head.delay)
     rows, a = memory[a : a + 8].reshape((2, 4)), a + 8
@@ -271,7 +271,7 @@ def observe_elevator(
     if not isfinite(np.sum(model) + np.sum(y) + deflection):
         head.is_lost = 1.0
         out[:] = nan
-        records(out, ESTIMATE)[0].alarms = following.marks[ALARMS]
+        record(out, 0, ESTIMATE).alarms = following.marks[ALARMS]
         return
     if head.is_lost > 0.0:  # restart, keeping K
         head.is_lost, head.has_before = 0.0, 0.0
@@ -313,7 +313,7 @@ def observe_elevator(
     )  # fmt: skip
     head.slope, head.offset = estimate.slope, estimate.offset
     head.acting = min(max(found, -90.0), 90.0) * DEG
-    to = records(out, ESTIMATE)[0]
+    to = record(out, 0, ESTIMATE)
     to.effectiveness, to.effectiveness_std = estimate.effectiveness, estimate.effectiveness_std
     to.effectiveness_smoothed, to.effectiveness_raw = estimate.effectiveness_smoothed, estimate.effectiveness_raw
     to.alpha_rad, to.q_rad_s = state[0] * sigma[0], state[1] * sigma[1]
@@ -333,13 +333,13 @@ def observe_gust(
     memory: Array, now: Array, then: Array, _turning: Array, _turned: Array, _command: float, k: int, out: Array
 ) -> None:
     """Take the readings of tick k: ``GustReconstruction.update`` for compiled callers; see ``packed.Packable``."""
-    head, m, last = records(memory[:_AFTER], HEAD)[0], records(now, MEASUREMENT)[0], records(then, MEASUREMENT)[0]
+    head, m, last = record(memory, 0, HEAD), record(now, 0, MEASUREMENT), record(then, 0, MEASUREMENT)
     order, horizon, a = int(head.order), int(head.horizon), _AFTER
     rows, a = memory[a : a + 8].reshape((2, 4)), a + 8
     work, a = memory[a : a + 8].reshape((2, 4)), a + 8
     schedule_at = a + int(head.method)
     method, schedule = memory[a:schedule_at], memory[schedule_at:]
-    to = records(out, ESTIMATE)[0]
+    to = record(out, 0, ESTIMATE)
     out[:] = nan  # K is not estimated
     to.alarms = 0.0
     if k == 0:

@@ -15,7 +15,7 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.config.kinds import EstimatorSettings, Surroundings
 from flightbed.config.table import NonNegative, Positive, Settings, between, only_with
 from flightbed.core.compiled import Array, compiled
-from flightbed.core.records import layout, records, size
+from flightbed.core.records import layout, record, size
 from flightbed.core.signals import SURFACES, Estimate, LateralMeasurement, Measurement
 from flightbed.core.units import DEG
 from flightbed.estimation.packed import LATERAL_MEASUREMENT, MEASUREMENT
@@ -223,10 +223,10 @@ def observe_pitch(
     memory: Array, now: Array, then: Array, _turning: Array, _turned: Array, _command: float, k: int, out: Array
 ) -> None:
     """Take the readings of tick k: ``TwoStagePitch.update`` for compiled callers; see ``packed.Packable``."""
-    head = records(memory[:_AFTER], _DIMENSIONS)[0]
+    head = record(memory, 0, _DIMENSIONS)
     state, settings, a = _arrays(memory, int(head.states), int(head.inputs), int(head.terms))
     model, work, schedule = memory[a : a + 8].reshape((2, 4)), memory[a + 8 : a + 16].reshape((2, 4)), memory[a + 16 :]
-    m, before = records(now, MEASUREMENT)[0], records(then, MEASUREMENT)[0]
+    m, before = record(now, 0, MEASUREMENT), record(then, 0, MEASUREMENT)
     if head.is_scheduled > 0.0 and k > 0:
         pitch_kernels.local_model(
             schedule, model, work, state.smoothed[0], head.dt, before.alpha_rad, before.q_rad_s, m.elevator_mean_rad,
@@ -244,12 +244,12 @@ def observe_surfaces(
     memory: Array, now: Array, then: Array, turning: Array, turned: Array, _command: float, k: int, out: Array
 ) -> None:
     """Take the readings of tick k: ``TwoStageSurfaces.update_all`` for compiled callers; see ``packed.Packable``."""
-    head = records(memory[:_AFTER], _DIMENSIONS)[0]
+    head = record(memory, 0, _DIMENSIONS)
     state, settings, a = _arrays(memory, int(head.states), int(head.inputs), int(head.terms))
     work, a = memory[a : a + 90].reshape((10, 9)), a + 90
     tables, schedule = memory[a : a + int(head.tables)], memory[a + int(head.tables) :]
-    m, before = records(now, MEASUREMENT)[0], records(then, MEASUREMENT)[0]
-    side, aside = records(turning, LATERAL_MEASUREMENT)[0], records(turned, LATERAL_MEASUREMENT)[0]
+    m, before = record(now, 0, MEASUREMENT), record(then, 0, MEASUREMENT)
+    side, aside = record(turning, 0, LATERAL_MEASUREMENT), record(turned, 0, LATERAL_MEASUREMENT)
     if k > 0:
         lateral_kernels.local_model(
             schedule, tables, work, state.smoothed[0], head.dt, m.elevator_mean_rad, before.alpha_rad, before.q_rad_s,
