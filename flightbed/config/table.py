@@ -19,10 +19,10 @@ from pydantic import (
 from pydantic import BaseModel as BaseModel
 from pydantic import Field as Field
 from pydantic import GetJsonSchemaHandler as GetJsonSchemaHandler
-from pydantic import ModelWrapValidatorHandler as ModelWrapValidatorHandler
 from pydantic import ValidationError as ValidationError
 from pydantic import model_validator as model_validator
 from pydantic.fields import FieldInfo
+from pydantic.functional_validators import ModelWrapValidatorHandler as ModelWrapValidatorHandler
 from pydantic_core import CoreSchema as CoreSchema
 from pydantic_core import PydanticCustomError as PydanticCustomError
 from pydantic_core import PydanticUndefined as PydanticUndefined
