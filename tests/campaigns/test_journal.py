@@ -343,12 +343,14 @@ def test_where_every_flight_fails_the_page_says_why(tmp_path: Path) -> None:
 
 
 LONGER = ["--set", "duration_s=4", "--set", "failures.0.at_s=2"]
-MANY = ["campaign", "elevator-loss", "--runs", "60", *LONGER, "--out", "x"]
+MANY = ["campaign", "elevator-loss", "--runs", "150", *LONGER, "--out", "x"]
 
 
 @contextmanager
 def started(*arguments: str, cwd: Path, rows: int) -> Iterator[subprocess.Popen[str]]:
-    """A campaign with this number of stored rows; killed at the end if it still runs."""
+    """A campaign that has stored this number of rows since its start; killed at the end if it still runs."""
+    kept = cwd / "x" / "unfinished" / "rows.jsonl"
+    before = kept.read_bytes().count(b"\n") if kept.is_file() else 0
     process = subprocess.Popen(
         [*COMMAND, *arguments],
         cwd=cwd,
@@ -358,8 +360,8 @@ def started(*arguments: str, cwd: Path, rows: int) -> Iterator[subprocess.Popen[
         preexec_fn=heed_interrupts,
     )
     try:
-        kept, deadline = cwd / "x" / "unfinished" / "rows.jsonl", time.monotonic() + 120.0
-        while not kept.is_file() or kept.read_bytes().count(b"\n") < rows:
+        deadline = time.monotonic() + 120.0
+        while not kept.is_file() or kept.read_bytes().count(b"\n") < before + rows:
             assert process.poll() is None, process.communicate()[1]
             assert time.monotonic() < deadline
             time.sleep(0.02)
@@ -386,7 +388,7 @@ def workers_of(process: subprocess.Popen[str]) -> list[int]:
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The table of MANY, flown in this process."""
-    flights = load_programme("elevator-loss", LONGER[1::2], 60)
+    flights = load_programme("elevator-loss", LONGER[1::2], 150)
     return campaigns.run(flights, tmp_path_factory.mktemp("many") / "x", workers=1)[1]
 
 
@@ -395,13 +397,15 @@ def test_killed_interrupted_and_robbed_of_a_worker_it_leaves_the_same_table(undi
     with started(*MANY, "--workers", "2", cwd=tmp_path, rows=10) as process:
         process.kill()  # -9
     assert {p.name for p in (tmp_path / "x").iterdir()} == {"unfinished"}
-    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=20) as process:
+    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=10) as process:
         process.send_signal(signal.SIGINT)
         stdout, stderr = process.communicate(timeout=60)
         assert (process.returncode, stdout) == (130, "")
-        assert "of 60 flights (table: x/table.parquet); continue with the same command and --out x --resume\n" in stderr
+        assert (
+            "of 150 flights (table: x/table.parquet); continue with the same command and --out x --resume\n" in stderr
+        )
         assert len(stderr.splitlines()) == 1
-    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=30) as process:
+    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=10) as process:
         os.kill(workers_of(process)[0], signal.SIGKILL)
         stdout, stderr = process.communicate(timeout=120)
         assert (process.returncode, stderr) == (0, "")
