@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
@@ -50,6 +51,18 @@ def opener(workers: int | None = None, scheduler: str | None = None) -> Opener:
 
 
 @contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """Keep the warnings of a logger back inside the ``with`` block."""
+    logger = logging.getLogger(name)
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
+@contextmanager
 def cluster(address: str) -> Iterator[Executor]:
     """Open the executor of a dask scheduler. Raises InputError if it cannot be reached or has no workers."""
     try:
@@ -65,7 +78,7 @@ def cluster(address: str) -> Iterator[Executor]:
         raise InputError(
             f"--scheduler {address}: cannot be reached ({reason}); start one, dask scheduler, and give its address, tcp://HOST:PORT"
         ) from None
-    with closing(client):
+    with closing(client), _quiet("distributed.client"):  # it reports lost results; ``results`` flies them again
         if not client.scheduler_info(n_workers=-1)["workers"]:
             raise InputError(f"--scheduler {address}: has no workers; start some, dask worker {address}")
         executor = client.get_executor(pure=False)
