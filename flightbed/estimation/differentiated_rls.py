@@ -22,10 +22,10 @@ from flightbed.avionics.onboard import OnBoard
 from flightbed.config.kinds import EffectivenessPrior, EstimatorSettings
 from flightbed.config.table import between
 from flightbed.core.compiled import Array, compiled
-from flightbed.core.records import record
+from flightbed.core.records import layout, packed, record, size
 from flightbed.core.signals import Estimate, Measurement
 from flightbed.estimation.loop_gain.filter_bank import TickResult
-from flightbed.estimation.packed import ESTIMATE
+from flightbed.estimation.packed import ESTIMATE, MEASUREMENT
 
 
 @dataclass(frozen=True)
@@ -50,65 +50,75 @@ class RlsConfig:
     prior_effectiveness_var: float = 0.63**2
 
 
+_STATE = layout(
+    (
+        "q", "q_before", "slope_f", "slope_f_before", "model_f", "model_f_before", "control_f", "control_f_before",
+        "model", "model_before", "control", "control_before", "gain", "variance", "smoothed",
+    )
+)  # fmt: skip
+_SETTINGS = layout(
+    (
+        "a1", "a2", "low", "slope", "expected", "kept", "forgetting", "lowest", "highest", "smoothing", "prior_variance",
+        "moment_alpha", "moment_q", "moment_elevator", "alpha_trim", "elevator_trim",
+    )
+)  # fmt: skip
+_RATES = 8  # numbers of the rates at one point, (2, 4); two points follow the state
+_HERE = size(_STATE)
+_THERE = _HERE + _RATES
+_STATE_SIZE, _SETTINGS_SIZE = _THERE + _RATES, size(_SETTINGS)
+
+
 @compiled
 def take(state: Array, settings: Array, schedule: Array, now: Array, k: int) -> TickResult:
     """Take the readings of tick k; return the fields of an Estimate.
 
     Args:
-        state: state of DifferentiatedRls, updated: last two pitch rates; last two values of the filter outputs q'_f, model_f and
-            control_f; last two inputs model and control; K, its variance, smoothed K; scratch.
-        settings: settings of DifferentiatedRls.
+        state: state of DifferentiatedRls, updated: a record ``_STATE`` (last two pitch rates; last two values of the filter outputs q'_f,
+            model_f and control_f; last two inputs model and control; K, its variance, smoothed K), and scratch.
+        settings: a record ``_SETTINGS``.
         schedule: ``Schedule.packed()``; empty: the model is the short period.
         now: the fields of the Measurement.
         k: number of the tick.
 
     """
-    alpha, q, elevator = now[0], now[1], now[2]
-    a1, a2, low, slope, expected, kept, forgetting = (
-        settings[0], settings[1], settings[2], settings[3], settings[4], settings[5], settings[6],
-    )  # fmt: skip
-    smoothed = state[14]
+    s, own, m = record(state, 0, _STATE), record(settings, 0, _SETTINGS), record(now, 0, MEASUREMENT)
+    alpha, q, elevator = m.alpha_rad, m.q_rad_s, m.elevator_rad
+    a1, a2, low, smoothed = own.a1, own.a2, own.low, s.smoothed
     # Acceleration of the airframe itself, and that due to an elevator with K = 1.
     if schedule.size == 0:
-        model = settings[11] * (alpha - settings[14]) + settings[12] * q - settings[13] * settings[15]
-        control = settings[13] * elevator
+        model = own.moment_alpha * (alpha - own.alpha_trim) + own.moment_q * q - own.moment_elevator * own.elevator_trim
+        control = own.moment_elevator * elevator
     else:
-        here, there = state[15:23].reshape((2, 4)), state[23:31].reshape((2, 4))
-        pitch_kernels.rates(schedule, here, alpha, q, 0.0, now[4], now[5], now[6], now[7])
-        pitch_kernels.rates(schedule, there, alpha, q, smoothed * elevator, now[4], now[5], now[6], now[7])
+        here, there = state[_HERE:_THERE].reshape((2, 4)), state[_THERE:].reshape((2, 4))
+        pitch_kernels.rates(schedule, here, alpha, q, 0.0, m.mach, m.altitude_m, m.theta_rad, m.phi_rad)
+        pitch_kernels.rates(
+            schedule, there, alpha, q, smoothed * elevator, m.mach, m.altitude_m, m.theta_rad, m.phi_rad
+        )
         model = here[1, 0]
         control = (there[1, 0] - here[1, 0]) / (smoothed if smoothed > 1e-6 else 1.0)
     if k == 0:  # filters in steady state at the start of the flight
-        state[0], state[1], state[2], state[3] = q, q, 0.0, 0.0
-        state[4], state[5], state[8], state[9] = model, model, model, model
-        state[6], state[7], state[10], state[11] = control, control, control, control
-    slope_f = slope * (q - state[1]) - a1 * state[2] - a2 * state[3]
-    model_f = low * (model + 2.0 * state[8] + state[9]) - a1 * state[4] - a2 * state[5]
-    control_f = low * (control + 2.0 * state[10] + state[11]) - a1 * state[6] - a2 * state[7]
-    state[3], state[2], state[5], state[4], state[7], state[6] = (
-        state[2],
-        slope_f,
-        state[4],
-        model_f,
-        state[6],
-        control_f,
-    )
-    state[1], state[0], state[9], state[8], state[11], state[10] = state[0], q, state[8], model, state[10], control
+        s.q, s.q_before, s.slope_f, s.slope_f_before = q, q, 0.0, 0.0
+        s.model_f, s.model_f_before, s.model, s.model_before = model, model, model, model
+        s.control_f, s.control_f_before, s.control, s.control_before = control, control, control, control
+    slope_f = own.slope * (q - s.q_before) - a1 * s.slope_f - a2 * s.slope_f_before
+    model_f = low * (model + 2.0 * s.model + s.model_before) - a1 * s.model_f - a2 * s.model_f_before
+    control_f = low * (control + 2.0 * s.control + s.control_before) - a1 * s.control_f - a2 * s.control_f_before
+    s.slope_f_before, s.model_f_before, s.control_f_before = s.slope_f, s.model_f, s.control_f
+    s.slope_f, s.model_f, s.control_f = slope_f, model_f, control_f
+    s.q_before, s.model_before, s.control_before = s.q, s.model, s.control
+    s.q, s.model, s.control = q, model, control
 
-    gain, variance = state[12], state[13]
+    gain, variance = s.gain, s.variance
     error = slope_f - model_f - control_f * gain
-    innovation = expected + control_f * control_f * variance
+    innovation = own.expected + control_f * control_f * variance
     step = variance * control_f / innovation
     gain += step * error
-    keep = min(1.0, max(forgetting, 1.0 - (1.0 - step * control_f) * error * error / kept))
-    variance = min(variance * (1.0 - step * control_f) / keep, settings[10])
-    bounded = min(max(gain, settings[7]), settings[8])
-    smoothed = settings[9] * smoothed + (1.0 - settings[9]) * bounded
-    state[12], state[13], state[14] = gain, variance, smoothed
+    keep = min(1.0, max(own.forgetting, 1.0 - (1.0 - step * control_f) * error * error / own.kept))
+    variance = min(variance * (1.0 - step * control_f) / keep, own.prior_variance)
+    bounded = min(max(gain, own.lowest), own.highest)
+    smoothed = own.smoothing * smoothed + (1.0 - own.smoothing) * bounded
+    s.gain, s.variance, s.smoothed = gain, variance, smoothed
     return bounded, sqrt(variance), smoothed, gain, alpha, q, error * error / innovation, 0.0, nan, nan, nan, nan
-
-
-_STATE, _SETTINGS = 31, 16  # numbers of the state and of the settings
 
 
 @compiled
@@ -116,7 +126,8 @@ def observe(
     memory: Array, now: Array, _then: Array, _turning: Array, _turned: Array, _command: float, k: int, out: Array
 ) -> None:
     """Take the readings of tick k: ``DifferentiatedRls.update`` for compiled callers; see ``packed.Packable``."""
-    found = take(memory[:_STATE], memory[_STATE : _STATE + _SETTINGS], memory[_STATE + _SETTINGS :], now, k)
+    settings_end = _STATE_SIZE + _SETTINGS_SIZE
+    found = take(memory[:_STATE_SIZE], memory[_STATE_SIZE:settings_end], memory[settings_end:], now, k)
     to = record(out, 0, ESTIMATE)
     (
         to.effectiveness, to.effectiveness_std, to.effectiveness_smoothed, to.effectiveness_raw, to.alpha_rad, to.q_rad_s, to.nis,
@@ -160,18 +171,20 @@ class DifferentiatedRls:
         expected = gain * onboard.noise.q_rad_s**2  # variance of the differentiated pitch rate
         kept = expected / (1.0 - 0.995)  # Fortescue's sum of squared errors: the number in the longest memory
         design = onboard.design
-        self._settings = np.array(
-            [
-                a1, a2, low, slope, expected, kept, config.forgetting, *config.bounds, config.smoothing,
-                config.prior_effectiveness_var, design.A[1, 0], design.A[1, 1], design.b[1],
-                design.alpha_trim_rad, design.elevator_trim_rad,
-            ]
+        self._settings = packed(
+            _SETTINGS, a1=a1, a2=a2, low=low, slope=slope, expected=expected, kept=kept, forgetting=config.forgetting,
+            lowest=config.bounds[0], highest=config.bounds[1], smoothing=config.smoothing,
+            prior_variance=config.prior_effectiveness_var, moment_alpha=design.A[1, 0], moment_q=design.A[1, 1],
+            moment_elevator=design.b[1], alpha_trim=design.alpha_trim_rad, elevator_trim=design.elevator_trim_rad,
         )  # fmt: skip
-        self._state = np.zeros(31)
-        self._state[12:15] = config.prior_effectiveness, config.prior_effectiveness_var, 1.0
+        start = packed(_STATE, gain=config.prior_effectiveness, variance=config.prior_effectiveness_var, smoothed=1.0)
+        self._state = np.concatenate([start, np.zeros(2 * _RATES)])
         self._tick = 0
         # Compile, or load from the cache, before the flight; tick 0 resets the state.
-        take(self._state.copy(), self._settings, self._schedule, np.array([0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0]), 0)
+        take(
+            self._state.copy(), self._settings, self._schedule,
+            np.array(Measurement(0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0)), 0,
+        )  # fmt: skip
 
     def update(self, measurement: Measurement) -> Estimate:
         """Take the readings of the next tick, return the estimate that includes them."""
