@@ -9,6 +9,9 @@ from flightbed.core.atmosphere import air
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.units import G0
 
+# Indices into ``LateralTables.packed()``: numbers of nodes, the coefficients of ``coupling``, start of the nodes.
+MACHS, ALPHAS, ROLL_PQ, ROLL_QR, YAW_PQ, YAW_QR, PITCH_PR, PITCH_SQUARES, NODES = range(9)
+
 
 @compiled
 def lateral_rates(tables: Array, A: Array, B: Array, alpha: float, beta: float, mach: float, altitude_m: float) -> None:
@@ -20,13 +23,13 @@ def lateral_rates(tables: Array, A: Array, B: Array, alpha: float, beta: float, 
         alpha, beta, mach, altitude_m: point of linearization; only the columns of aileron and rudder depend on beta.
 
     """
-    machs, alphas = int(tables[0]), int(tables[1])
-    table = 8 + machs + alphas
+    machs, alphas = int(tables[MACHS]), int(tables[ALPHAS])
+    table = NODES + machs + alphas
     pressure, sound = air(altitude_m)
     speed, qbar = mach * sound, 0.7 * pressure * mach * mach
-    low, high = tables[8 + machs], tables[8 + machs + alphas - 1]
-    i, x = cell(tables, 8, machs, mach)
-    j, y = cell(tables, 8 + machs, alphas, min(max(alpha, low), high))
+    low, high = tables[NODES + machs], tables[NODES + machs + alphas - 1]
+    i, x = cell(tables, NODES, machs, mach)
+    j, y = cell(tables, NODES + machs, alphas, min(max(alpha, low), high))
     here = table + 21 * (i * alphas + j)
     there = here + 21 * alphas
     for row in range(3):
@@ -80,10 +83,10 @@ def local_model(
     lateral_rates(tables, A, B, alpha, beta, mach, altitude_m)
     speed = mach * air(altitude_m)[1]
     G[0, 8] -= (p * cos(alpha) + r * sin(alpha)) * tan(beta)
-    G[1, 8] += tables[6] * p * r + tables[7] * (p * p - r * r)
+    G[1, 8] += tables[PITCH_PR] * p * r + tables[PITCH_SQUARES] * (p * p - r * r)
     G[2, 8] += G0 / speed * cos(theta) * sin(phi)
-    G[3, 8] += tables[2] * p * q + tables[3] * q * r
-    G[4, 8] += tables[4] * p * q + tables[5] * q * r
+    G[3, 8] += tables[ROLL_PQ] * p * q + tables[ROLL_QR] * q * r
+    G[4, 8] += tables[YAW_PQ] * p * q + tables[YAW_QR] * q * r
     # S = I dt + A dt^2/2 + A^2 dt^3/6, so that e^(A dt) = I + S A; held inputs enter through S.
     s2, s3 = dt * dt / 2.0, dt * dt * dt / 6.0
     S = work[0:5, 0:5]

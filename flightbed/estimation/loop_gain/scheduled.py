@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import pi
 
-from flightbed.avionics.pitch_kernels import local_model
+from flightbed.avionics.pitch_kernels import SPAN, local_model
 from flightbed.core.atmosphere import air
 from flightbed.core.compiled import Array, compiled
 from flightbed.estimation.loop_gain.filter_bank import TickResult
@@ -37,7 +37,7 @@ def tick(
     if k > 0:
         model = settings[23:31].reshape((2, 4))
         follow, r, airspeed = settings[32] > 0.0, settings[21], mach * air(altitude_m)[1]
-        rate = min(pi * airspeed / (4.0 * schedule[7]), 0.5 / dt)
+        rate = min(pi * airspeed / (4.0 * schedule[SPAN]), 0.5 / dt)
         share = max(0.0, 1.0 - 1.3 * r / bank[41, 0]) if follow and bank[41, 0] > 0.0 else 0.0
         last = bank[40, 0]
         damping = local_model(
