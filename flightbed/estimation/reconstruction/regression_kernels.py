@@ -13,7 +13,13 @@ STAGGERED = 3  # number of overlapping windows, with staggered starts
 OUT = 2  # index of u^ in the filter's state, after the errors of alpha and q
 EXPLAINED, OFFSET, ACTUATOR = 0.0, 1.0, 2.0  # values of a verdict
 RATIO, ALARMS, SMOOTHED, _OFFSET, _ACTUATOR, _ALPHA, _Q = range(7)  # indices into ``marks``
-MARKS, SUMS = 7, 7  # numbers of ``marks``, and of the sums of one regression
+MARKS = 7  # number of ``marks``
+DD, D1, ONES, DU, U1, UU, NOISE, SUMS = range(8)  # indices into the sums of one regression, and their number
+VAR_D, COV, VAR_1 = range(3)  # indices into the covariance of the first two sums with the noise
+# Indices into the settings, ``regression.packed``; ``TOLERANCE`` is that of o, deg, and ``POSITION_VAR`` the noise of the feedback, deg^2.
+FORGETTING, PRIOR, PRIOR_VAR, SMOOTHING, LOWEST, HIGHEST, WINDOW, THRESHOLD, TOLERANCE, FOLLOWS, POSITION_VAR = range(
+    11
+)
 
 
 class Following(NamedTuple):
@@ -106,14 +112,14 @@ def solved(sums: Array, spread: Array) -> tuple[float, float, float, float, floa
         sums, spread: rows of one regression, as in ``Following``.
 
     """
-    a, b, c = sums[0], sums[1], sums[2]
+    a, b, c = sums[DD], sums[D1], sums[ONES]
     det = a * c - b * b
     if not det > 1e-9 * a * c:
         return 0.0, 0.0, inf, inf, 0.0
-    K, o = (c * sums[3] - b * sums[4]) / det, (a * sums[4] - b * sums[3]) / det
-    var_K = (c * c * spread[0] - 2.0 * b * c * spread[1] + b * b * spread[2]) / (det * det)
-    var_o = (b * b * spread[0] - 2.0 * a * b * spread[1] + a * a * spread[2]) / (det * det)
-    taken = (c * spread[0] - 2.0 * b * spread[1] + a * spread[2]) / det
+    K, o = (c * sums[DU] - b * sums[U1]) / det, (a * sums[U1] - b * sums[DU]) / det
+    var_K = (c * c * spread[VAR_D] - 2.0 * b * c * spread[COV] + b * b * spread[VAR_1]) / (det * det)
+    var_o = (b * b * spread[VAR_D] - 2.0 * a * b * spread[COV] + a * a * spread[VAR_1]) / (det * det)
+    taken = (c * spread[VAR_D] - 2.0 * b * spread[COV] + a * spread[VAR_1]) / det
     return K, o, max(var_K, 0.0), max(var_o, 0.0), taken
 
 
@@ -122,24 +128,24 @@ def _test_window(memory: Following, settings: Array, m: int) -> None:
     """Evaluate a complete window: update the residual ratio, compare with the previous window, declare or withdraw a verdict."""
     sums, marks, offset_signs = memory.sums[m], memory.marks, memory.offset_signs
     sign, within, which = 0.0, False, _OFFSET if m <= STAGGERED else _ACTUATOR
-    K, o, var_o, taken = 0.0, sums[4] / sums[2], memory.spread[m, 2] / (sums[2] * sums[2]), 0.0
+    K, o, var_o, taken = 0.0, sums[U1] / sums[ONES], memory.spread[m, VAR_1] / (sums[ONES] * sums[ONES]), 0.0
     if which == _OFFSET:
         K, o, _, var_o, taken = solved(sums, memory.spread[m])
-        if sums[0] - sums[1] * sums[1] / sums[2] < settings[8] * settings[8] * sums[2]:
+        if sums[DD] - sums[D1] * sums[D1] / sums[ONES] < settings[TOLERANCE] * settings[TOLERANCE] * sums[ONES]:
             var_o = inf  # the motion is below the tolerance, and much of it is the law's response to the same noise
     if var_o < inf:
         ratio = marks[RATIO] if which == _OFFSET else 1.0
-        expected = sums[6] - taken
-        if which == _OFFSET and expected > 1e-9 * sums[6]:
-            seen = max(sums[5] - K * sums[3] - o * sums[4], 0.0) / expected
+        expected = sums[NOISE] - taken
+        if which == _OFFSET and expected > 1e-9 * sums[NOISE]:
+            seen = max(sums[UU] - K * sums[DU] - o * sums[U1], 0.0) / expected
             ratio = max(ratio + (min(seen, 4.0 * ratio) - ratio) / 30.0, 1.0)
             marks[RATIO] = ratio
-        std = sqrt(var_o * (ratio if settings[9] > 0.0 else 1.0))
-        if abs(o) - settings[8] > settings[7] * std:
+        std = sqrt(var_o * (ratio if settings[FOLLOWS] > 0.0 else 1.0))
+        if abs(o) - settings[TOLERANCE] > settings[THRESHOLD] * std:
             sign = 1.0 if o > 0.0 else -1.0
-        within = abs(o) + settings[7] * std < 2.0 * settings[8]
+        within = abs(o) + settings[THRESHOLD] * std < 2.0 * settings[TOLERANCE]
         if which == _ACTUATOR:  # a position in the middle of large commands is near them on average only
-            within = within and sums[5] < 4.0 * settings[8] * settings[8] * sums[2]
+            within = within and sums[UU] < 4.0 * settings[TOLERANCE] * settings[TOLERANCE] * sums[ONES]
     if within:
         marks[which] = 0.0
     elif sign != 0.0 and sign == offset_signs[m] and marks[which] == 0.0:
@@ -184,7 +190,7 @@ def follow(
     noise[:, :] = F @ noise @ F.T + G @ G.T
     noise[0, 0] += Q[0]
     noise[1, 1] += Q[1]
-    noise[:2, :2] += settings[10] * np.outer(
+    noise[:2, :2] += settings[POSITION_VAR] * np.outer(
         B, B
     )  # an error of the measured deflection changes the explained readings by at most b (K = 1)
     cross[:, :] = F @ cross
@@ -195,18 +201,18 @@ def follow(
             continue
         if m > STAGGERED:
             if has_command:
-                sums[m, 2] += 1.0
-                sums[m, 4] += feedback - commanded
-                sums[m, 5] += (feedback - commanded) ** 2
-                spread[m, 2] += settings[10]
+                sums[m, ONES] += 1.0
+                sums[m, U1] += feedback - commanded
+                sums[m, UU] += (feedback - commanded) ** 2
+                spread[m, VAR_1] += settings[POSITION_VAR]
             ages[m] += 1.0
             continue
-        keep = settings[0] if m == 0 else 1.0
+        keep = settings[FORGETTING] if m == 0 else 1.0
         d, at = response[OUT, 0], 2 * m
         c0, c1 = keep * cross[OUT, at], keep * cross[OUT, at + 1]
-        spread[m, 0] = keep * keep * spread[m, 0] + 2.0 * d * c0 + d * d * n_var
-        spread[m, 1] = keep * keep * spread[m, 1] + d * c1 + one * c0 + d * one * n_var
-        spread[m, 2] = keep * keep * spread[m, 2] + 2.0 * one * c1 + one * one * n_var
+        spread[m, VAR_D] = keep * keep * spread[m, VAR_D] + 2.0 * d * c0 + d * d * n_var
+        spread[m, COV] = keep * keep * spread[m, COV] + d * c1 + one * c0 + d * one * n_var
+        spread[m, VAR_1] = keep * keep * spread[m, VAR_1] + 2.0 * one * c1 + one * one * n_var
         for i in range(n):
             cross[i, at] = keep * cross[i, at] + noise[i, OUT] * d
             cross[i, at + 1] = keep * cross[i, at + 1] + noise[i, OUT] * one
@@ -223,8 +229,8 @@ def follow(
             sums[m, i] = keep * sums[m, i] + new[i]
         ages[m] += 1.0
     for m in range(1, count):
-        if ages[m] >= settings[6]:
-            if m <= STAGGERED or sums[m, 2] > 0.0:
+        if ages[m] >= settings[WINDOW]:
+            if m <= STAGGERED or sums[m, ONES] > 0.0:
                 _test_window(memory, settings, m)
             _clear_window(memory, m)
     return _estimate(memory, settings, n_var, before, z, s0, s1, s01)
@@ -236,21 +242,21 @@ def _estimate(
 ) -> FollowingEstimate:
     """Return the estimate; ``before`` (2, 2) is the response of z, and s0, s1, s01 are its covariance."""
     marks, sums = memory.marks, memory.sums[0].copy()
-    ratio, prior, prior_var = (marks[RATIO] if settings[9] > 0.0 else 1.0), settings[1], settings[2]
+    ratio, prior, prior_var = (marks[RATIO] if settings[FOLLOWS] > 0.0 else 1.0), settings[PRIOR], settings[PRIOR_VAR]
     # The priors of K and of o (5 deg standard deviation) enter as pseudo-readings of their means, weighted by noise over prior variance.
     weight_K, weight_o = max(n_var, 1e-6) / prior_var, max(n_var, 1e-6) / 25.0
     spread = ratio * memory.spread[0]
-    spread[0] += weight_K * weight_K * prior_var
-    spread[2] += weight_o * weight_o * 25.0
-    sums[0] += weight_K
-    sums[2] += weight_o
-    sums[3] += weight_K * prior
+    spread[VAR_D] += weight_K * weight_K * prior_var
+    spread[VAR_1] += weight_o * weight_o * 25.0
+    sums[DD] += weight_K
+    sums[ONES] += weight_o
+    sums[DU] += weight_K * prior
     slope, offset, variance, var_o, _ = solved(sums, spread)
     K = slope
     if marks[_OFFSET] == 0.0:
-        K, variance = sums[3] / sums[0], spread[0] / (sums[0] * sums[0])
-    bounded = min(max(K, settings[4]), settings[5])
-    marks[SMOOTHED] = settings[3] * marks[SMOOTHED] + (1.0 - settings[3]) * bounded
+        K, variance = sums[DU] / sums[DD], spread[VAR_D] / (sums[DD] * sums[DD])
+    bounded = min(max(K, settings[LOWEST]), settings[HIGHEST])
+    marks[SMOOTHED] = settings[SMOOTHING] * marks[SMOOTHED] + (1.0 - settings[SMOOTHING]) * bounded
     e0 = z[0] - K * before[0, 0] - (offset * before[0, 1] if marks[_OFFSET] > 0.0 else 0.0)
     e1 = z[1] - K * before[1, 0] - (offset * before[1, 1] if marks[_OFFSET] > 0.0 else 0.0)
     nis = max((s1 * e0 * e0 - 2.0 * s01 * e0 * e1 + s0 * e1 * e1) / (s0 * s1 - s01 * s01), 0.0)
