@@ -17,7 +17,28 @@ TickResult = tuple[
 ]  # the estimate of a tick, see ``tick``
 
 FIXED, ANCHORED, CORRECTED = 0.0, 1.0, 2.0  # start of a filter
-ROWS, SETTINGS = 47, 44  # rows of a bank, and numbers of its settings
+
+# Rows of a bank: X, P and the normalized innovation squared of each filter.
+ALPHA, RATE, GAIN, P00, P01, P02, P10, P11, P12, P20, P21, P22 = range(12)
+NIS = 21
+# Rows of the values that the filters share, in column ``SHARED``: smoothed K-hat; level of K in the alarm test, its variance; index of
+# the selected filter, tick of its start; level and variance before the last alarm, tick of this alarm; leaky sums of residuals, their mean
+# squares; last readings; earliest start that may replace the selected one; number of alarms; leaky sum of the residuals of alpha, from
+# which the gust's pitch rate is estimated, its mean square; variance of the smoothed K-hat.
+SHARED = 0
+(
+    SMOOTHED, LEVEL, LEVEL_VAR, SELECTED, SELECTED_START, LEVEL_BEFORE, LEVEL_VAR_BEFORE, ALARM_TICK, SUM_ALPHA, SUM_RATE, SQUARE_ALPHA,
+    SQUARE_RATE, LAST_ALPHA, LAST_RATE, EARLIEST, ALARMS, GUST_SUM, GUST_SQUARE, SMOOTHED_VAR,
+) = range(24, 43)  # fmt: skip
+# Rows of each filter's innovations of the two readings, and their variances; number of rows.
+ERROR_ALPHA, ERROR_RATE, ERROR_VAR_ALPHA, ERROR_VAR_RATE, ROWS = range(43, 48)
+
+# Indices into the settings, see ``pack_settings``; covariance of the process noise and prior of the state and its covariance are
+# several numbers each.
+PROCESS_ALPHA, PROCESS_CROSS, _, PROCESS_RATE, PRIOR_STATE, _, PRIOR_K, PRIOR_COVARIANCE = range(8)
+PRIOR_K_VAR, INFLATION, BEGIN, SMOOTHING, LOWEST, HIGHEST, NOISE_ALPHA, NOISE_RATE, MODEL = range(15, 24)
+THRESHOLD, ADAPTIVE, YOUNGEST, HOLD_VAR, OFFSET, SCRATCH = range(31, 37)
+SETTINGS = 44  # number of settings, with the model (2, 4) and the scratch
 ONSET_TICKS = 15.0  # ticks after an alarm during which the onset of the change is still searched
 
 
@@ -41,7 +62,7 @@ def step(
     intermediate values of a filter stay in registers.
 
     Args:
-        bank: as from ``new_bank``; X, P, normalized innovations squared (row 21), innovations and their variances are updated.
+        bank: as from ``new_bank``; X, P, normalized innovations squared (row ``NIS``), innovations and their variances are updated.
         model, u, inflation: as in ``joint.predict``.
         q00, q01, q11: covariance of the process noise.
         r0, r1: variances of the readings.
@@ -51,8 +72,15 @@ def step(
     a00, a01, a10, a11 = model[0, 0], model[0, 1], model[1, 0], model[1, 1]
     g0, g1, c0, c1 = model[0, 2] * u, model[1, 2] * u, model[0, 3], model[1, 3]
     for w in range(bank.shape[1]):
-        x0, x1, K = bank[0, w], bank[1, w], bank[2, w]
-        p00, p01, p02, p11, p12, p22 = bank[3, w], bank[4, w], bank[5, w], bank[7, w], bank[8, w], bank[11, w]
+        x0, x1, K = bank[ALPHA, w], bank[RATE, w], bank[GAIN, w]
+        p00, p01, p02, p11, p12, p22 = (
+            bank[P00, w],
+            bank[P01, w],
+            bank[P02, w],
+            bank[P11, w],
+            bank[P12, w],
+            bank[P22, w],
+        )
         # x- = A x + b u K + c
         y0 = c0 + g0 * K + a00 * x0 + a01 * x1
         y1 = c1 + g1 * K + a10 * x0 + a11 * x1
@@ -71,7 +99,12 @@ def step(
         m01 = inflation * (g1 * t02 + t00 * a10 + t01 * a11) + q01
         m11 = inflation * (g1 * t12 + t10 * a10 + t11 * a11) + q11
         m02, m12, m22 = inflation * t02, inflation * t12, p22 * inflation
-        bank[43, w], bank[44, w], bank[45, w], bank[46, w] = z0 - y0, z1 - y1, m00 + r0, m11 + r1
+        bank[ERROR_ALPHA, w], bank[ERROR_RATE, w], bank[ERROR_VAR_ALPHA, w], bank[ERROR_VAR_RATE, w] = (
+            z0 - y0,
+            z1 - y1,
+            m00 + r0,
+            m11 + r1,
+        )
         # correction by the first reading, then by the second
         inverse, e = 1.0 / (r0 + m00), z0 - y0
         nis = e * e * inverse
@@ -81,15 +114,15 @@ def step(
         n00, n01, n02 = m00 - m00 * inverse * m00, m01 - m00 * inverse * m01, m02 - m00 * inverse * m02
         n11, n12, n22 = m11 - m01 * inverse * m01, m12 - m01 * inverse * m02, m22 - m02 * inverse * m02
         inverse, e = 1.0 / (r1 + n11), z1 - y1
-        bank[21, w] = nis + e * e * inverse
-        bank[0, w] = y0 + n01 * inverse * e
-        bank[1, w] = y1 + n11 * inverse * e
-        bank[2, w] = K + n12 * inverse * e
+        bank[NIS, w] = nis + e * e * inverse
+        bank[ALPHA, w] = y0 + n01 * inverse * e
+        bank[RATE, w] = y1 + n11 * inverse * e
+        bank[GAIN, w] = K + n12 * inverse * e
         p00, p01, p02 = n00 - n01 * inverse * n01, n01 - n01 * inverse * n11, n02 - n01 * inverse * n12
         p11, p12, p22 = n11 - n11 * inverse * n11, n12 - n11 * inverse * n12, n22 - n12 * inverse * n12
-        bank[3, w], bank[4, w], bank[5, w] = p00, p01, p02
-        bank[6, w], bank[7, w], bank[8, w] = p01, p11, p12
-        bank[9, w], bank[10, w], bank[11, w] = p02, p12, p22
+        bank[P00, w], bank[P01, w], bank[P02, w] = p00, p01, p02
+        bank[P10, w], bank[P11, w], bank[P12, w] = p01, p11, p12
+        bank[P20, w], bank[P21, w], bank[P22, w] = p02, p12, p22
 
 
 @compiled
@@ -106,30 +139,30 @@ def start(bank: Array, settings: Array, slot: int, z0: float, z1: float) -> None
         z0, z1: the readings.
 
     """
-    begin, r0, r1 = settings[17], settings[21], settings[22]
+    begin, r0, r1 = settings[BEGIN], settings[NOISE_ALPHA], settings[NOISE_RATE]
     for i in range(3):
-        bank[i, slot] = settings[4 + i]
+        bank[i, slot] = settings[PRIOR_STATE + i]
     for i in range(9):
-        bank[3 + i, slot] = settings[7 + i]
+        bank[P00 + i, slot] = settings[PRIOR_COVARIANCE + i]
     if begin == ANCHORED:
-        bank[0, slot], bank[1, slot] = z0, z1
-        bank[3, slot], bank[4, slot], bank[5, slot], bank[6, slot] = r0, 0.0, 0.0, 0.0
-        bank[7, slot], bank[8, slot], bank[9, slot], bank[10, slot] = r1, 0.0, 0.0, 0.0
+        bank[ALPHA, slot], bank[RATE, slot] = z0, z1
+        bank[P00, slot], bank[P01, slot], bank[P02, slot], bank[P10, slot] = r0, 0.0, 0.0, 0.0
+        bank[P11, slot], bank[P12, slot], bank[P20, slot], bank[P21, slot] = r1, 0.0, 0.0, 0.0
     elif begin == CORRECTED:
         for i in range(2):  # state i is measured
-            inverse = 1.0 / ((r0 if i == 0 else r1) + bank[3 + 4 * i, slot])
+            inverse = 1.0 / ((r0 if i == 0 else r1) + bank[P00 + 4 * i, slot])
             e = (z0 if i == 0 else z1) - bank[i, slot]
-            h0, h1, h2 = bank[3 + i, slot], bank[6 + i, slot], bank[9 + i, slot]
-            bank[0, slot] += h0 * inverse * e
-            bank[1, slot] += h1 * inverse * e
-            bank[2, slot] += h2 * inverse * e
-            bank[3, slot] -= h0 * inverse * h0
-            bank[4, slot] -= h0 * inverse * h1
-            bank[5, slot] -= h0 * inverse * h2
-            bank[7, slot] -= h1 * inverse * h1
-            bank[8, slot] -= h1 * inverse * h2
-            bank[11, slot] -= h2 * inverse * h2
-            bank[6, slot], bank[9, slot], bank[10, slot] = bank[4, slot], bank[5, slot], bank[8, slot]
+            h0, h1, h2 = bank[P00 + i, slot], bank[P10 + i, slot], bank[P20 + i, slot]
+            bank[ALPHA, slot] += h0 * inverse * e
+            bank[RATE, slot] += h1 * inverse * e
+            bank[GAIN, slot] += h2 * inverse * e
+            bank[P00, slot] -= h0 * inverse * h0
+            bank[P01, slot] -= h0 * inverse * h1
+            bank[P02, slot] -= h0 * inverse * h2
+            bank[P11, slot] -= h1 * inverse * h1
+            bank[P12, slot] -= h1 * inverse * h2
+            bank[P22, slot] -= h2 * inverse * h2
+            bank[P10, slot], bank[P20, slot], bank[P21, slot] = bank[P01, slot], bank[P02, slot], bank[P12, slot]
 
 
 @compiled
@@ -144,14 +177,18 @@ def disturbance(
 
     """
     leak, slow = 1.0 - 1.0 / 15.0, max(1.0 / 300.0, 1.0 / (k + 20.0))
-    x0, x1, effectiveness = bank[36, 0], bank[37, 0], bank[24, 0]
+    x0, x1, effectiveness = bank[LAST_ALPHA, SHARED], bank[LAST_RATE, SHARED], bank[SMOOTHED, SHARED]
     found0, found1 = 0.0, 0.0
     for i in range(2):
         z = z0 if i == 0 else z1
         e = z - (model[i, 0] * x0 + model[i, 1] * x1 + model[i, 2] * effectiveness * u + model[i, 3])
-        total, square, r = leak * bank[32 + i, 0] + e, bank[34 + i, 0], settings[21 + i]
+        total, square, r = (
+            leak * bank[SUM_ALPHA + i, SHARED] + e,
+            bank[SQUARE_ALPHA + i, SHARED],
+            settings[NOISE_ALPHA + i],
+        )
         square += slow * (min(total * total, 4.0 * (square + r)) - square)
-        bank[32 + i, 0], bank[34 + i, 0] = total, square
+        bank[SUM_ALPHA + i, SHARED], bank[SQUARE_ALPHA + i, SHARED] = total, square
         found = max(0.0, (1.0 - leak * leak) * (square - 1.6 * r))
         if i == 0:
             found0 = found
@@ -163,7 +200,7 @@ def disturbance(
 @compiled
 def remember(bank: Array, z0: float, z1: float) -> None:
     """Take the readings at the start of a period, for ``disturbance``."""
-    bank[36, 0], bank[37, 0] = z0, z1
+    bank[LAST_ALPHA, SHARED], bank[LAST_RATE, SHARED] = z0, z1
 
 
 @compiled
@@ -187,18 +224,27 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
     """
     W = bank.shape[1]
     since = k % W
-    prior, prior_var, threshold, youngest = settings[6], settings[15], settings[31], settings[33]
-    recent = k - bank[31, 0] <= ONSET_TICKS
-    level, level_var = (bank[29, 0], bank[30, 0]) if recent else (bank[25, 0], bank[26, 0])
+    prior, prior_var, threshold, youngest = (
+        settings[PRIOR_K],
+        settings[PRIOR_K_VAR],
+        settings[THRESHOLD],
+        settings[YOUNGEST],
+    )
+    recent = k - bank[ALARM_TICK, SHARED] <= ONSET_TICKS
+    level, level_var = (
+        (bank[LEVEL_BEFORE, SHARED], bank[LEVEL_VAR_BEFORE, SHARED])
+        if recent
+        else (bank[LEVEL, SHARED], bank[LEVEL_VAR, SHARED])
+    )
     highest, slot = 0.0, -1
     for w in range(W):
         age = _age(w, since, k, W)
-        if age < youngest or (recent and k - age < bank[38, 0]):
+        if age < youngest or (recent and k - age < bank[EARLIEST, SHARED]):
             continue
-        information = 1.0 / bank[11, w] - 1.0 / prior_var
+        information = 1.0 / bank[P22, w] - 1.0 / prior_var
         if information <= 1e-9:
             continue
-        mean = (bank[2, w] / bank[11, w] - prior / prior_var) / information
+        mean = (bank[GAIN, w] / bank[P22, w] - prior / prior_var) / information
         ratio = (mean - level) ** 2 / (1.0 / information + level_var)
         if ratio > highest:
             highest, slot = ratio, w
@@ -206,10 +252,17 @@ def alarm(bank: Array, settings: Array, k: int) -> bool:
     if slot >= 0 and (raised or (recent and highest > threshold)):
         age = _age(slot, since, k, W)
         if raised:
-            bank[29, 0], bank[30, 0], bank[31, 0] = bank[25, 0], bank[26, 0], float(k)
-            bank[38, 0] = float(k - W)
-            bank[32, 0], bank[33, 0] = 0.0, 0.0  # these sums contain the change of K, not disturbances
-        bank[27, 0], bank[28, 0] = float(slot), float(k - age)
+            bank[LEVEL_BEFORE, SHARED], bank[LEVEL_VAR_BEFORE, SHARED], bank[ALARM_TICK, SHARED] = (
+                bank[LEVEL, SHARED],
+                bank[LEVEL_VAR, SHARED],
+                float(k),
+            )
+            bank[EARLIEST, SHARED] = float(k - W)
+            bank[SUM_ALPHA, SHARED], bank[SUM_RATE, SHARED] = (
+                0.0,
+                0.0,
+            )  # these sums contain the change of K, not disturbances
+        bank[SELECTED, SHARED], bank[SELECTED_START, SHARED] = float(slot), float(k - age)
     return raised
 
 
@@ -236,21 +289,21 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
         with 0 for all of the innovation.
 
     """
-    prior, prior_var = settings[6], settings[15]
-    inflation, keep, low, high = settings[16], settings[18], settings[19], settings[20]
-    model = settings[23:31].reshape((2, 4))
-    threshold, adaptive, hold = settings[31], settings[32] > 0.0, settings[34]
+    prior, prior_var = settings[PRIOR_K], settings[PRIOR_K_VAR]
+    inflation, keep, low, high = settings[INFLATION], settings[SMOOTHING], settings[LOWEST], settings[HIGHEST]
+    model = settings[MODEL:THRESHOLD].reshape((2, 4))
+    threshold, adaptive, hold = settings[THRESHOLD], settings[ADAPTIVE] > 0.0, settings[HOLD_VAR]
     W = bank.shape[1]
     best = 0
     if k == 0:
-        bank[21] = 0.0
-        bank[43:47] = 0.0
+        bank[NIS] = 0.0
+        bank[ERROR_ALPHA:ROWS] = 0.0
         for w in range(W):
             start(bank, settings, w, z0, z1)
-        bank[24:43, 0] = 0.0
-        bank[24, 0], bank[25, 0], bank[26, 0] = 1.0, prior, 0.0
-        bank[27, 0], bank[28, 0], bank[31, 0] = -1.0, 0.0, -1e9
-        bank[34, 0], bank[35, 0] = settings[21], settings[22]
+        bank[SMOOTHED:ERROR_ALPHA, SHARED] = 0.0
+        bank[SMOOTHED, SHARED], bank[LEVEL, SHARED], bank[LEVEL_VAR, SHARED] = 1.0, prior, 0.0
+        bank[SELECTED, SHARED], bank[SELECTED_START, SHARED], bank[ALARM_TICK, SHARED] = -1.0, 0.0, -1e9
+        bank[SQUARE_ALPHA, SHARED], bank[SQUARE_RATE, SHARED] = settings[NOISE_ALPHA], settings[NOISE_RATE]
     else:
         more0, more1 = 0.0, 0.0
         if adaptive:
@@ -259,12 +312,12 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
             bank,
             model,
             u,
-            settings[0] + more0,
-            settings[1],
-            settings[3] + more1,
+            settings[PROCESS_ALPHA] + more0,
+            settings[PROCESS_CROSS],
+            settings[PROCESS_RATE] + more1,
             inflation,
-            settings[21],
-            settings[22],
+            settings[NOISE_ALPHA],
+            settings[NOISE_RATE],
             z0,
             z1,
         )
@@ -274,47 +327,50 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
     raised = False
     if threshold > 0.0 and W > 1 and k > 0:
         raised = alarm(bank, settings, k)
-        if bank[27, 0] >= 0.0:
-            if k - bank[28, 0] < W:
-                best = int(bank[27, 0])
+        if bank[SELECTED, SHARED] >= 0.0:
+            if k - bank[SELECTED_START, SHARED] < W:
+                best = int(bank[SELECTED, SHARED])
             else:
-                bank[27, 0] = -1.0
-    gain, variance = bank[2, best], bank[11, best]
+                bank[SELECTED, SHARED] = -1.0
+    gain, variance = bank[GAIN, best], bank[P22, best]
     information = max(
         0.0, 1.0 / variance - 1.0 / prior_var
     )  # information on K in the data alone, and its product with their mean
     weighted_mean = gain / variance - prior / prior_var
     if hold > 0.0:  # the last estimate, with this variance, replaces the prior of K
         variance = 1.0 / (information + 1.0 / hold)
-        gain = variance * (weighted_mean + bank[24, 0] / hold)
+        gain = variance * (weighted_mean + bank[SMOOTHED, SHARED] / hold)
     bounded = min(max(gain, low), high)
     if threshold > 0.0:
-        since = k - bank[31, 0]
+        since = k - bank[ALARM_TICK, SHARED]
         if raised:
-            bank[24, 0], bank[39, 0] = bounded, bank[39, 0] + 1.0
+            bank[SMOOTHED, SHARED], bank[ALARMS, SHARED] = bounded, bank[ALARMS, SHARED] + 1.0
         elif since <= ONSET_TICKS:
             share = max(1.0 - keep, 1.0 - since / ONSET_TICKS)
-            bank[24, 0] += share * (bounded - bank[24, 0])
+            bank[SMOOTHED, SHARED] += share * (bounded - bank[SMOOTHED, SHARED])
         elif hold > 0.0:
             # Each tick adds 1/W of the window's information: the smoother weights it accordingly, and holds without information.
-            share = min(1.0 - keep, bank[42, 0] / (bank[42, 0] + W / max(information, 1e-9)))
-            bank[24, 0] += share * (weighted_mean / max(information, 1e-9) - bank[24, 0])
-            bank[24, 0] = min(max(bank[24, 0], low), high)
-            bank[42, 0] = (1.0 - share) * bank[42, 0] + hold / 4000.0
+            share = min(
+                1.0 - keep, bank[SMOOTHED_VAR, SHARED] / (bank[SMOOTHED_VAR, SHARED] + W / max(information, 1e-9))
+            )
+            bank[SMOOTHED, SHARED] += share * (weighted_mean / max(information, 1e-9) - bank[SMOOTHED, SHARED])
+            bank[SMOOTHED, SHARED] = min(max(bank[SMOOTHED, SHARED], low), high)
+            bank[SMOOTHED_VAR, SHARED] = (1.0 - share) * bank[SMOOTHED_VAR, SHARED] + hold / 4000.0
         else:
-            bank[24, 0] = keep * bank[24, 0] + (1.0 - keep) * bounded
+            bank[SMOOTHED, SHARED] = keep * bank[SMOOTHED, SHARED] + (1.0 - keep) * bounded
         if since <= ONSET_TICKS:
-            bank[42, 0] = variance
-        if bank[27, 0] >= 0.0:
-            bank[25, 0], bank[26, 0] = gain, variance
+            bank[SMOOTHED_VAR, SHARED] = variance
+        if bank[SELECTED, SHARED] >= 0.0:
+            bank[LEVEL, SHARED], bank[LEVEL_VAR, SHARED] = gain, variance
         else:
-            bank[25, 0] += 0.02 * (gain - bank[25, 0])
-            bank[26, 0] = max(0.1 * variance, 0.02 * 0.02)
+            bank[LEVEL, SHARED] += 0.02 * (gain - bank[LEVEL, SHARED])
+            bank[LEVEL_VAR, SHARED] = max(0.1 * variance, 0.02 * 0.02)
     else:
-        bank[24, 0] = keep * bank[24, 0] + (1.0 - keep) * bounded
+        bank[SMOOTHED, SHARED] = keep * bank[SMOOTHED, SHARED] + (1.0 - keep) * bounded
     result = (
-        bounded, sqrt(variance), bank[24, 0], gain, bank[0, best] + settings[35], bank[1, best], bank[21, best], bank[39, 0],
-        bank[43, best], bank[44, best], sqrt(bank[45, best]), sqrt(bank[46, best]),
+        bounded, sqrt(variance), bank[SMOOTHED, SHARED], gain, bank[ALPHA, best] + settings[OFFSET], bank[RATE, best], bank[NIS, best],
+        bank[ALARMS, SHARED], bank[ERROR_ALPHA, best], bank[ERROR_RATE, best], sqrt(bank[ERROR_VAR_ALPHA, best]),
+        sqrt(bank[ERROR_VAR_RATE, best]),
     )  # fmt: skip
     if W > 1 and k > 0:
         start(bank, settings, k % W, z0, z1)
@@ -322,13 +378,9 @@ def tick(bank: Array, settings: Array, u: float, z0: float, z1: float, k: int) -
 
 
 def new_bank(filters: int) -> Array:
-    """Return the state of W filters of (alpha, q, K), zero: X, P, scratch, and in column 0 of rows 24 on the values that they share.
+    """Return the state of W filters of (alpha, q, K), zero. The values that the filters share are in column ``SHARED``.
 
-    Shared values, counted from row 24: 0 smoothed K-hat; 1 level of K in the alarm test, 2 its variance; 3 index of the selected
-    filter, 4 tick of its start; 5, 6 level and variance before the last alarm, 7 tick of this alarm, 14 earliest start that may replace
-    the selected one; 8, 9 leaky sums of residuals, 10, 11 their mean squares; 12, 13 last readings; 15 number of alarms; 16 leaky sum
-    of the residuals of alpha, from which the gust's pitch rate is estimated, 17 its mean square; 18 variance of the smoothed K-hat. The
-    last four rows hold each filter's innovations of the two readings and their variances.
+    Rows: X, P, normalized innovation squared (unused rows around it), shared values, innovations of the two readings, their variances.
     """
     return np.zeros((ROWS, filters))
 

@@ -7,6 +7,7 @@ from math import pi
 from flightbed.avionics.pitch_kernels import SPAN, local_model
 from flightbed.core.atmosphere import air
 from flightbed.core.compiled import Array, compiled
+from flightbed.estimation.loop_gain import filter_bank
 from flightbed.estimation.loop_gain.filter_bank import TickResult
 from flightbed.estimation.loop_gain.filter_bank import tick as advance
 
@@ -35,16 +36,24 @@ def tick(
 
     """
     if k > 0:
-        model = settings[23:31].reshape((2, 4))
-        follow, r, airspeed = settings[32] > 0.0, settings[21], mach * air(altitude_m)[1]
+        model = settings[filter_bank.MODEL : filter_bank.THRESHOLD].reshape((2, 4))
+        follow, r, airspeed = (
+            settings[filter_bank.ADAPTIVE] > 0.0,
+            settings[filter_bank.NOISE_ALPHA],
+            mach * air(altitude_m)[1],
+        )
         rate = min(pi * airspeed / (4.0 * schedule[SPAN]), 0.5 / dt)
-        share = max(0.0, 1.0 - 1.3 * r / bank[41, 0]) if follow and bank[41, 0] > 0.0 else 0.0
-        last = bank[40, 0]
+        share = (
+            max(0.0, 1.0 - 1.3 * r / bank[filter_bank.GUST_SQUARE, filter_bank.SHARED])
+            if follow and bank[filter_bank.GUST_SQUARE, filter_bank.SHARED] > 0.0
+            else 0.0
+        )
+        last = bank[filter_bank.GUST_SUM, filter_bank.SHARED]
         damping = local_model(
             schedule,
             model,
-            settings[36:44].reshape((2, 4)),
-            bank[24, 0],
+            settings[filter_bank.SCRATCH : filter_bank.SETTINGS].reshape((2, 4)),
+            bank[filter_bank.SMOOTHED, filter_bank.SHARED],
             dt,
             alpha,
             q,
@@ -56,9 +65,17 @@ def tick(
             share * rate * last,
         )
         if follow:
-            predicted = model[0, 0] * alpha + model[0, 1] * q + model[0, 2] * bank[24, 0] * elevator + model[0, 3]
-            bank[40, 0] = (1.0 - rate * dt) * last + z0 - predicted
-            bank[41, 0] += max(1.0 / 300.0, 1.0 / (k + 20.0)) * (bank[40, 0] * bank[40, 0] - bank[41, 0])
+            predicted = (
+                model[0, 0] * alpha
+                + model[0, 1] * q
+                + model[0, 2] * bank[filter_bank.SMOOTHED, filter_bank.SHARED] * elevator
+                + model[0, 3]
+            )
+            bank[filter_bank.GUST_SUM, filter_bank.SHARED] = (1.0 - rate * dt) * last + z0 - predicted
+            bank[filter_bank.GUST_SQUARE, filter_bank.SHARED] += max(1.0 / 300.0, 1.0 / (k + 20.0)) * (
+                bank[filter_bank.GUST_SUM, filter_bank.SHARED] * bank[filter_bank.GUST_SUM, filter_bank.SHARED]
+                - bank[filter_bank.GUST_SQUARE, filter_bank.SHARED]
+            )
             # The mean over a period of two frames, each with the gust at its start, contains a quarter of the new value.
-            model[1, 3] -= damping * dt * share * rate * 0.25 * (bank[40, 0] - last)
+            model[1, 3] -= damping * dt * share * rate * 0.25 * (bank[filter_bank.GUST_SUM, filter_bank.SHARED] - last)
     return advance(bank, settings, elevator, z0, z1, k)

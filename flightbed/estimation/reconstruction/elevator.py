@@ -105,7 +105,8 @@ class Disturbances:
 
     def __init__(self) -> None:
         self._bank, self._settings, self._tick = filter_bank.new_bank(1), np.ones(23), 0
-        self._bank[24, 0] = self._bank[34, 0] = self._bank[35, 0] = 1.0
+        for row in (filter_bank.SMOOTHED, filter_bank.SQUARE_ALPHA, filter_bank.SQUARE_RATE):
+            self._bank[row, 0] = 1.0
 
     def packed(self) -> tuple[Array, Array]:
         """Return bank and settings of ``filter_bank.disturbance``."""
@@ -127,7 +128,7 @@ class Disturbances:
 
     def at(self, y: Array) -> None:
         """Take the readings (2,) at the start of a period."""
-        self._bank[36, 0], self._bank[37, 0] = y
+        self._bank[filter_bank.LAST_ALPHA, 0], self._bank[filter_bank.LAST_RATE, 0] = y
         self._tick += 1
 
 
