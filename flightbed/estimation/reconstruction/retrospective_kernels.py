@@ -14,6 +14,8 @@ from flightbed.core.compiled import compiled
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
+# Indices into the numbers of ``take``: eta, forgetting, saturation, bound of P, |U* - U-hat|^2 of the last sample, number of samples.
+REGULARIZATION, FORGETTING, LOWEST, HIGHEST, COVARIANCE_BOUND, CHANGE, TICKS = range(7)
 CONSTANT, PERFORMANCE, ERROR = 0, 1, 2  # rules of the regularization, see ``regularization``
 
 
@@ -176,25 +178,25 @@ def take(
     markov(C, As, Bs, here)
     push(H, here)
     wide, performance, applied = stack(H, Z, U, delays, retained, lags)
-    eta = regularization(rule, numbers[0], performance, numbers[5])
+    eta = regularization(rule, numbers[REGULARIZATION], performance, numbers[CHANGE])
     best = np.empty(applied.size)
     if wide.size == 1:
         best[0] = scalar_optimum(wide[0, 0], performance[0], applied[0], R1[0, 0], R2[0, 0], eta)
     else:
         best = optimum(wide, performance, applied, R1, R2, eta)
     m = U.shape[1]
-    best = np.minimum(np.maximum(best, numbers[2]), numbers[3])  # (33), (34)
-    numbers[5] = np.sum((best - applied) ** 2)
-    if adapt and numbers[6] > lags[-1]:
-        forgetting = numbers[1]
+    best = np.minimum(np.maximum(best, numbers[LOWEST]), numbers[HIGHEST])  # (33), (34)
+    numbers[CHANGE] = np.sum((best - applied) ** 2)
+    if adapt and numbers[TICKS] > lags[-1]:
+        forgetting = numbers[FORGETTING]
         for column in fitted:
             phi = regressor(U, Z, lags[column], order)
-            least_squares(theta, P, phi, best[column * m : (column + 1) * m], forgetting, numbers[4])
+            least_squares(theta, P, phi, best[column * m : (column + 1) * m], forgetting, numbers[COVARIANCE_BOUND])
             forgetting = 1.0  # forget once per sample, at any number of inputs
     u = theta @ regressor(U, Z, 0, order)
     push(U, u)
     push(As, A)
     push(Bs, B)
     x[:] = A @ x + B @ u + known
-    numbers[6] += 1.0
+    numbers[TICKS] += 1.0
     return z, best
