@@ -12,7 +12,17 @@ from typing import Any
 import numpy as np
 
 from flightbed.core.compiled import compiled
-from flightbed.estimation.plid.identify import Array, Form, Stored
+from flightbed.estimation.plid.identify import (
+    BLOCK_FADE,
+    PROCESS_VAR,
+    PSEUDONOISE_VAR,
+    READING_VAR,
+    TINY,
+    WHOLE_FADE,
+    Array,
+    Form,
+    Stored,
+)
 
 
 @compiled
@@ -52,8 +62,14 @@ def step(
     zero, one = real(0.0), real(1.0)
     N = s.shape[0]
     n = N // 3
-    r, q, whole, block, gamma = settings[0], settings[1], settings[2], settings[3], settings[4]
-    tiny = settings[5]
+    r, q, whole, block, gamma = (
+        settings[READING_VAR],
+        settings[PROCESS_VAR],
+        settings[WHOLE_FADE],
+        settings[BLOCK_FADE],
+        settings[PSEUDONOISE_VAR],
+    )
+    tiny = settings[TINY]
     yb, ub, yn, un = real(y_before), real(u_before), real(y), real(u)
     if not first:
         for i in range(n - 1, -1, -1):

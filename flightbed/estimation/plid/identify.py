@@ -21,6 +21,9 @@ from flightbed.core.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 Stored = npt.NDArray[np.floating[Any]]  # float64 or float32, as configured
+READING_VAR, PROCESS_VAR, WHOLE_FADE, BLOCK_FADE, PSEUDONOISE_VAR, TINY = range(
+    6
+)  # indices into the settings of ``step``
 Step = Callable[..., tuple[Any, Any, Any]]  # numbers of that type
 
 
@@ -142,7 +145,13 @@ def step(
     zero = real(0.0)
     N = s.shape[0]
     n = N // 3
-    r, q, whole, block, gamma = settings[0], settings[1], settings[2], settings[3], settings[4]
+    r, q, whole, block, gamma = (
+        settings[READING_VAR],
+        settings[PROCESS_VAR],
+        settings[WHOLE_FADE],
+        settings[BLOCK_FADE],
+        settings[PSEUDONOISE_VAR],
+    )
     yb, ub, yn, un = real(y_before), real(u_before), real(y), real(u)
     if not first:
         for i in range(n - 1, -1, -1):  # s- = F s, F P: in descending order, so that row i - 1 still has its old value
