@@ -96,7 +96,12 @@ class _Settings(NamedTuple):
     scalars: Array
 
 
-_FORGETTING, _SCALARS = 3, 5  # numbers of these two settings
+_FORGETTING = 3  # numbers of the forgetting
+# Indices into a row of ``advance``, the first fields of an Estimate, and their number.
+(
+    EFFECTIVENESS, STD, SMOOTHED, RAW, ALPHA, RATE, NIS, ALARMS, ERROR_ALPHA, ERROR_RATE, ERROR_STD_ALPHA, ERROR_STD_RATE, FIELDS,
+) = range(13)  # fmt: skip
+THRESHOLD, SMOOTHING, LOWEST, HIGHEST, FOLLOWS, _SCALARS = range(6)  # indices into the scalars, and their number
 _LEAK = 1.0 - 1.0 / 15.0
 
 
@@ -143,13 +148,18 @@ def advance(
 
     """
     n, inputs = z.size, u.size
-    threshold, keep, low, high = settings.scalars[0], settings.scalars[1], settings.scalars[2], settings.scalars[3]
+    threshold, keep, low, high = (
+        settings.scalars[THRESHOLD],
+        settings.scalars[SMOOTHING],
+        settings.scalars[LOWEST],
+        settings.scalars[HIGHEST],
+    )
     innovation, S, nis = np.zeros(n), np.zeros((n, n)), 0.0
     if k == 0:
         state.x[:], state.V[:, :], state.Px[:, :] = z, 0.0, settings.R
     else:
         Q = settings.Q.copy()
-        if settings.scalars[4] > 0.0:
+        if settings.scalars[FOLLOWS] > 0.0:
             more = _disturbances(state, settings, A, B, c, u, z, k)
             for i in range(n):
                 Q[i, i] += more[i]
@@ -160,7 +170,7 @@ def advance(
         state.x[:], state.V[:, :], state.Px[:, :], state.gamma[:], state.Pg[:, :] = x, V, Px, gamma, Pg
     state.last[:] = z
     L = state.terms.shape[0]
-    rows = np.zeros((inputs, 12))
+    rows = np.zeros((inputs, FIELDS))
     compensated = state.x + state.V @ state.gamma
     for i in range(inputs):
         state.terms[k % L, i] = state.gamma[i] ** 2 / state.Pg[i, i]
@@ -172,11 +182,21 @@ def advance(
         raw = 1.0 + state.gamma[i]
         bounded = min(max(raw, low), high)
         state.smoothed[i] = keep * state.smoothed[i] + (1.0 - keep) * bounded
-        rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = bounded, sqrt(state.Pg[i, i]), state.smoothed[i], raw
-        rows[i, 4], rows[i, 5], rows[i, 6] = compensated[0] + offset, compensated[1], nis
-        rows[i, 8], rows[i, 9], rows[i, 10], rows[i, 11] = innovation[0], innovation[1], sqrt(S[0, 0]), sqrt(S[1, 1])
+        rows[i, EFFECTIVENESS], rows[i, STD], rows[i, SMOOTHED], rows[i, RAW] = (
+            bounded,
+            sqrt(state.Pg[i, i]),
+            state.smoothed[i],
+            raw,
+        )
+        rows[i, ALPHA], rows[i, RATE], rows[i, NIS] = compensated[0] + offset, compensated[1], nis
+        rows[i, ERROR_ALPHA], rows[i, ERROR_RATE], rows[i, ERROR_STD_ALPHA], rows[i, ERROR_STD_RATE] = (
+            innovation[0],
+            innovation[1],
+            sqrt(S[0, 0]),
+            sqrt(S[1, 1]),
+        )
     for i in range(inputs):
-        rows[i, 7] = state.alarms[i]
+        rows[i, ALARMS] = state.alarms[i]
     return rows
 
 
