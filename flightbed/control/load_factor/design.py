@@ -24,6 +24,7 @@ from flightbed.core.errors import DesignError
 from flightbed.core.signals import Measurement
 
 Array = npt.NDArray[np.float64]
+PRESSURE, ALPHA, RATE, ERROR, INTEGRAL = range(5)  # columns of a packed table of gains
 POLES = (complex(-4.0, 2.0), complex(-4.0, -2.0), complex(-10.0))  # rad/s, Kemp S 6.2
 
 
@@ -96,14 +97,14 @@ class LoadFactorDesign:
 def interpolated(table: Array, dynamic_pressure_pa: float) -> tuple[float, float, float, float]:
     """Return ``GainTable.at`` for compiled callers; ``table`` is (N, 5), each row a dynamic pressure and its gains."""
     count, i = table.shape[0], 0
-    while i < count and table[i, 0] < dynamic_pressure_pa:
+    while i < count and table[i, PRESSURE] < dynamic_pressure_pa:
         i += 1
     i = min(max(i, 1), count - 1)
     low, high = table[i - 1], table[i]
-    share = min(max((dynamic_pressure_pa - low[0]) / (high[0] - low[0]), 0.0), 1.0)
+    share = min(max((dynamic_pressure_pa - low[PRESSURE]) / (high[PRESSURE] - low[PRESSURE]), 0.0), 1.0)
     return (
-        low[1] + share * (high[1] - low[1]), low[2] + share * (high[2] - low[2]), low[3] + share * (high[3] - low[3]),
-        low[4] + share * (high[4] - low[4]),
+        low[ALPHA] + share * (high[ALPHA] - low[ALPHA]), low[RATE] + share * (high[RATE] - low[RATE]),
+        low[ERROR] + share * (high[ERROR] - low[ERROR]), low[INTEGRAL] + share * (high[INTEGRAL] - low[INTEGRAL]),
     )  # fmt: skip
 
 
