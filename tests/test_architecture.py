@@ -271,6 +271,107 @@ def test_one_function_advances_the_plant() -> None:
     assert found == {"flightbed.flight.loop"}
 
 
+# Arrays that compiled functions may index by integer literals: matrices and vectors of a model, whose subscripts are those of the algebra.
+MATRICES = {
+    "flightbed.avionics.pitch_kernels": {
+        "out",
+        "work",
+        "model",
+    },  # (2, 4): value and derivatives of the rates, or [A | b | c]
+    "flightbed.avionics.lateral_kernels": {"A", "B", "G", "S", "work", "pitch"},  # of (alpha, q, beta, p, r)
+    "flightbed.estimation.differentiated_rls": {"here", "there"},  # (2, 4), as in pitch_kernels
+    "flightbed.estimation.loop_gain.filter_bank": {"model"},  # (2, 4), [A | b | c]
+    "flightbed.estimation.loop_gain.scheduled": {"model"},
+    "flightbed.estimation.two_stage.estimator": {"u", "z", "compensated", "innovation", "S", "model", "work"},
+    "flightbed.estimation.reconstruction.regression_kernels": {
+        "noise",
+        "memory.noise",
+        "response",
+        "before",
+        "Q",
+        "B",
+        "z",
+    },
+    "flightbed.estimation.reconstruction.retrospective_kernels": {
+        "best",
+        "wide",
+        "performance",
+        "applied",
+        "R1",
+        "R2",
+    },  # 1 x 1
+    "flightbed.estimation.reconstruction.observers": {
+        *("A", "B", "F", "G", "U", "rows", "model", "corrected", "gain", "ahead", "given", "theta"),
+        *("sigma", "y", "first", "inputs", "process", "more", "state", "innovation"),  # of (alpha, q[, gust])
+    },
+}
+# First and last value of a queue or of a history, and the first of several regressions, surfaces or axes.
+SEQUENCES = {
+    "flightbed.estimation.reconstruction.observers": {"queue", "H"},
+    "flightbed.estimation.reconstruction.retrospective_kernels": {"history", "lags"},
+    "flightbed.estimation.reconstruction.regression_kernels": {"memory.sums", "memory.spread"},
+    "flightbed.estimation.two_stage.estimator": {"state.smoothed"},
+    "flightbed.flight.computer": {"corrections", "laws"},
+}
+KERNELS = ("avionics", "control", "estimation", "flight")
+
+
+def _is_literal(index: ast.expr) -> bool:
+    """Return whether an index contains an integer literal as a whole subscript or as the bound of a slice."""
+    if isinstance(index, ast.UnaryOp):
+        return _is_literal(index.operand)
+    if isinstance(index, ast.BinOp):  # 3 + i, but not 2 * n + i
+        return isinstance(index.op, ast.Add) and isinstance(index.left, ast.Constant)
+    if isinstance(index, ast.Tuple):
+        return any(map(_is_literal, index.elts))
+    if isinstance(index, ast.Slice):
+        return any(_is_literal(bound) for bound in (index.lower, index.upper) if bound is not None)
+    return isinstance(index, ast.Constant) and type(index.value) is int
+
+
+def literal_indices(trees: Mapping[str, ast.Module]) -> dict[tuple[str, str], list[int]]:
+    """Return (module, array) -> lines in which a compiled function indexes an array by an integer literal.
+
+    The sizes of arrays, ``array.shape[0]``, and the results of calls, ``records(store, RECORD)[0]``, do not count.
+    """
+    found: dict[tuple[str, str], list[int]] = {}
+    for module, tree in trees.items():
+        for function in ast.walk(tree):
+            if not isinstance(function, ast.FunctionDef):
+                continue
+            if "compiled" not in {ast.unparse(d) for d in function.decorator_list}:
+                continue
+            for node in ast.walk(function):
+                if not isinstance(node, ast.Subscript) or not isinstance(node.value, ast.Name | ast.Attribute):
+                    continue
+                array = ast.unparse(node.value)
+                if not array.endswith(".shape") and _is_literal(node.slice):
+                    found.setdefault((module, array), []).append(node.lineno)
+    return found
+
+
+def test_no_integer_literal_indexes_state_settings_or_rows_of_a_kernel() -> None:
+    """Rule 6: records have names."""
+    permitted = {(m, a) for arrays in (MATRICES, SEQUENCES) for m, names in arrays.items() for a in names}
+    found = literal_indices({name: tree for name, tree in TREES.items() if package_of(name) in KERNELS})
+    assert {place: lines for place, lines in found.items() if place not in permitted} == {}
+    assert permitted <= set(found), f"no longer indexed by a literal: {sorted(permitted - set(found))}"
+
+
+@pytest.mark.parametrize("index", ["3", "-1", "3, w", "w, 0", "3:7", "3 + i", ":2"])
+def test_an_integer_literal_as_an_index_is_found(index: str) -> None:
+    planted = ast.parse(f"@compiled\ndef f(state, w, i):\n    return state[{index}]")
+    assert literal_indices({"flightbed.estimation.planted": planted}) == {
+        ("flightbed.estimation.planted", "state"): [3]
+    }
+
+
+@pytest.mark.parametrize("code", ["state[GAIN, w]", "state.shape[0]", "records(state, HEAD)[0]", "state[at + 1]"])
+def test_other_indices_are_not(code: str) -> None:
+    planted = ast.parse(f"@compiled\ndef f(state, w, at):\n    return {code}")
+    assert literal_indices({"flightbed.estimation.planted": planted}) == {}
+
+
 def test_tests_mirror_the_packages() -> None:
     tests = ROOT / "tests"
     folders = {p.relative_to(tests) for p in tests.rglob("*") if p.is_dir() and list(p.glob("test_*.py"))}
