@@ -10,7 +10,7 @@ from typing import Any
 
 from flightbed.core.errors import did_you_mean
 
-_TAGS = re.compile(r"[A-Za-z_][\w.-]*(/[A-Za-z_][\w.-]*)*")
+_TAGS = re.compile(r"[A-Za-z_][\w.-]*(/[A-Za-z_][\w.-]*)*(/\*)?")
 
 
 class EditError(Exception):
@@ -107,7 +107,10 @@ def _remove_systems(root: ET.Element, edit: Mapping[str, Any], _snippets: Mappin
 
 
 def _remove(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, str]) -> None:
-    """Remove the elements at a path of tags, ``"flight_control/channel"``: one of each of ``names``, or all, which must be ``count``."""
+    """Remove the elements at a path of tags: one of each of ``names``, or all, which must be ``count``.
+
+    A path is ``"flight_control/channel"``, or ``"flight_control/channel/*"`` for elements with any tag.
+    """
     path, names, count = edit["elements"], edit.get("names"), edit.get("count")
     if not isinstance(path, str) or not _TAGS.fullmatch(path):
         raise EditError(f'elements: must be tags from the root, "flight_control/channel" (got {path!r})')
@@ -117,7 +120,7 @@ def _remove(root: ET.Element, edit: Mapping[str, Any], _snippets: Mapping[str, s
     parents = [root]
     for step in above:
         parents = [child for parent in parents for child in parent if child.tag == step]
-    found = [(parent, child) for parent in parents for child in parent if child.tag == tag]
+    found = [(parent, child) for parent in parents for child in parent if tag in (child.tag, "*")]
     if names is None:
         if not isinstance(count, int) or isinstance(count, bool) or count < 1:
             raise EditError(f"{path}: count: must be a whole number of at least 1 (got {count!r})")

@@ -135,7 +135,10 @@ _EDITS: Mapping[str, dict[str, Any]] = {
         **_table(
             "Remove elements at a path of tags: those with the given names, or all.",
             {
-                "elements": _text("Tags from the root, such as flight_control/channel.", pattern=r"^[A-Za-z_][\w.-]*(/[A-Za-z_][\w.-]*)*$"),
+                "elements": _text(
+                    "Tags from the root, such as flight_control/channel; the last one may be * for any tag.",
+                    pattern=r"^[A-Za-z_][\w.-]*(/[A-Za-z_][\w.-]*)*(/\*)?$",
+                ),
                 "names": _texts("Names of the elements, one element each."),
                 "count": _whole("Number of the elements, which are all removed."),
             },
