@@ -151,6 +151,7 @@ class DifferentiatedRls:
     """
 
     readings = 1.0
+    compiled_update = staticmethod(observe)
 
     def __init__(self, config: RlsConfig, onboard: OnBoard) -> None:
         if config.scheduled and onboard.schedule is None:

@@ -4,8 +4,8 @@ The steps and the compiled functions are those of ``composed.Composed``, and the
 flights made of built-in parts can be compiled; external code stays in Python, and ``Composed`` calls it.
 
 All numbers on board lie in one array, the store: passing a further array into compiled code costs more than the arithmetic of a tick on
-that array. Its records have names (``core.records``). The compiled function exists in variants, one for each combination of parts that are
-large: numba leaves out the branches of all others, so that a flight loads only the code of its own parts.
+that array. Its records have names (``core.records``). Estimators and load-factor laws are called by address (``core.by_address``): the
+compiled function knows their arguments only, and a flight loads the code of its own parts.
 """
 
 from __future__ import annotations
@@ -22,11 +22,8 @@ import numpy as np
 
 from flightbed.control import correction
 from flightbed.control.correction import Adaptation
-from flightbed.control.load_factor import adaptive as nz_adaptive
-from flightbed.control.load_factor import scheduled as nz_scheduled
-from flightbed.control.load_factor.adaptive import NzAdaptive
 from flightbed.control.load_factor.autothrottle import Autothrottle
-from flightbed.control.load_factor.scheduled import NzScheduled
+from flightbed.control.load_factor.design import LAWS, LoadFactorLaw, PackableLaw
 from flightbed.control.proportional import Proportional, proportional_demand
 from flightbed.control.proportional_integral import ProportionalIntegral
 from flightbed.control.redesign import Redesign, RedesignedPitch
@@ -43,17 +40,8 @@ from flightbed.core.signals import (
     Sample,
     Truth,
 )
-from flightbed.estimation import differentiated_rls
 from flightbed.estimation.base import Estimator, SurfacesEstimator
-from flightbed.estimation.differentiated_rls import DifferentiatedRls
-from flightbed.estimation.loop_gain import estimator as loop_gain
-from flightbed.estimation.loop_gain.estimator import LoopGain
-from flightbed.estimation.packed import ESTIMATE, LATERAL_MEASUREMENT, MEASUREMENT, Packable
-from flightbed.estimation.reconstruction import observers
-from flightbed.estimation.reconstruction.elevator import ElevatorReconstruction
-from flightbed.estimation.reconstruction.gust import GustReconstruction
-from flightbed.estimation.two_stage import estimator as two_stage
-from flightbed.estimation.two_stage.estimator import TwoStagePitch, TwoStageSurfaces
+from flightbed.estimation.packed import ESTIMATE, LATERAL_MEASUREMENT, MEASUREMENT, OBSERVERS, Packable
 from flightbed.flight.composed import Composed, invalid_estimate
 from flightbed.flight.ending import FLIES, NAMES, Ended, ending
 from flightbed.flight.lateral_axes import LateralAxes, invalid_share
@@ -73,7 +61,7 @@ _HEAD = layout(
         "width", "rows", "errors", "lateral_errors", "estimators", "lateral_at",  # places in the store, in a row
         "mach_scale", "is_raw", "latitude", "longitude", "north_m", "east_m", "alpha_start", "ground", "state_from", "hold",
         "redesign_floor", "redesign_tolerance", "has_roll_yaw_redesign",
-        "law_begin", "law_end", "in_g_at", "has_throttle", "throttle_low", "throttle_high", "airspeed", "airspeed_then", "then_tick",
+        "law", "law_begin", "law_end", "in_g_at", "has_throttle", "throttle_low", "throttle_high", "airspeed", "airspeed_then", "then_tick",
     )
 )  # fmt: skip
 _CORRECTION = layout(("source", "estimate", "floor", "caution", "is_effective", "low", "high", "trim", "peak"))
@@ -90,7 +78,7 @@ _SURFACE = layout(
     )
 )  # fmt: skip
 _IN_G = layout(LoadFactorSample._fields)
-_ESTIMATOR = layout(("kind", "begin", "end", "first", "count"))
+_ESTIMATOR = layout(("update", "begin", "end", "first", "count"))
 _FLOWN, _TRUTH, _RAW, _LATERAL_TRUTH = map(layout, (FLOWN_FIELDS, Truth._fields, properties.RAW, LateralTruth._fields))
 _LATERAL_COMMANDS = layout(LATERAL_FIELDS[: len(LATERAL_FIELDS) - size(_LATERAL_TRUTH) - size(LATERAL_MEASUREMENT)])
 _ERRORS = layout(("alpha", "q", "elevator", "mach", "altitude", "theta", "phi", "nz"))
@@ -113,53 +101,17 @@ _LATERAL_SIZE = _LATERAL_MEASURED_AT + size(LATERAL_MEASUREMENT)
 _NO_CORRECTION, _BY_ESTIMATE, _BY_TRUE_K = 0.0, 1.0, 2.0  # sources of K in the correction 1/K
 _DECIDED, _INVALID, _INVALID_SHARE, _REDESIGNS = 0.0, 1.0, 2.0, 3.0  # reasons of a tick without a command
 
-# The estimators that can fly compiled, and their numbers; ``_tick_of`` calls their functions ``observe``.
-_LOOP_GAIN, _RLS, _TWO_STAGE_PITCH, _TWO_STAGE_SURFACES, _ELEVATOR, _GUST = range(6)
-KINDS: MappingProxyType[type, int] = MappingProxyType(
-    {
-        LoopGain: _LOOP_GAIN,
-        DifferentiatedRls: _RLS,
-        TwoStagePitch: _TWO_STAGE_PITCH,
-        TwoStageSurfaces: _TWO_STAGE_SURFACES,
-        ElevatorReconstruction: _ELEVATOR,
-        GustReconstruction: _GUST,
-    }
-)
-# Laws of the load factor, and their numbers; a flight without one has the number 0.
-_NO_LOAD_FACTOR, _NZ_SCHEDULED, _NZ_ADAPTIVE = range(3)
-_LOAD_FACTOR_LAWS: MappingProxyType[type, int] = MappingProxyType(
-    {NzScheduled: _NZ_SCHEDULED, NzAdaptive: _NZ_ADAPTIVE}
-)
 _IN_G_SIZE, _MODEL = size(_IN_G), len(LoadFactorSample._fields) - 4  # and the place of the identified model
 _LAWS = (Proportional, ProportionalIntegral, RedesignedPitch)
+_observe, _demand = OBSERVERS.call, LAWS.call
 
 
 class _Variant(NamedTuple):
-    """The large parts of a flight that the compiled function contains."""
+    """Parts of the compiled function that only some flights have."""
 
-    lateral: bool = False
-    load_factor: int = _NO_LOAD_FACTOR
-    redesigns: bool = False
-    two_stage_pitch: bool = False
-    two_stage_surfaces: bool = False
-    elevator_reconstruction: bool = False
-    gust_reconstruction: bool = False
-
-
-# The combinations that are compiled: those of the shipped scenarios, and a two-stage filter of the elevator.
-FUNCTIONS = frozenset(
-    (
-        _Variant(),
-        _Variant(two_stage_pitch=True),
-        _Variant(elevator_reconstruction=True),
-        _Variant(gust_reconstruction=True),
-        _Variant(lateral=True, two_stage_surfaces=True),
-        _Variant(lateral=True, two_stage_surfaces=True, redesigns=True),
-        _Variant(load_factor=_NZ_SCHEDULED),
-        _Variant(load_factor=_NZ_ADAPTIVE),
-        _Variant(load_factor=_NZ_ADAPTIVE, lateral=True),
-    )
-)
+    lateral: bool
+    load_factor: bool
+    redesigns: bool
 
 
 @compiled
@@ -284,10 +236,8 @@ def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
     The row already holds the true values, or the JSBSim properties from which the function computes them; it adds readings, estimates and
     commands.
     """
-    # Plain numbers: numba's cache tells the variants apart by their values, and drops the branches that are not taken.
-    lateral, load_factor, redesigns = variant.lateral, variant.load_factor, variant.redesigns
-    has_two_stage_pitch, has_two_stage_surfaces = variant.two_stage_pitch, variant.two_stage_surfaces
-    has_elevator, has_gust = variant.elevator_reconstruction, variant.gust_reconstruction
+    # Plain numbers: the cache tells the variants apart by their values, and numba drops the branches that are not taken.
+    lateral, load_factor, redesigns = variant
 
     def tick(store: Array, k: int) -> float:
         head = record(store, 0, _HEAD)
@@ -313,29 +263,13 @@ def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
             if lateral:
                 turning = side[_LATERAL_MEASURED_AT:]
                 turned = before[side_at + _LATERAL_MEASURED_AT : side_at + _LATERAL_SIZE]
-            if has_elevator and k > 0:
+            if k > 0:
                 command = record(before, 0, _FLOWN).elevator_cmd_rad
             for number in range(int(head.estimators)):
                 block = record(store, _AT_ESTIMATORS + number * _ESTIMATOR_SIZE, _ESTIMATOR)
-                memory, kind = store[int(block.begin) : int(block.end)], int(block.kind)
-                first = int(block.first) * _FIELDS
+                memory, first = store[int(block.begin) : int(block.end)], int(block.first) * _FIELDS
                 out = estimates[first : first + int(block.count) * _FIELDS]
-                if kind == _LOOP_GAIN:
-                    loop_gain.observe(memory, now, then, turning, turned, command, k, out)
-                elif kind == _RLS:
-                    differentiated_rls.observe(memory, now, then, turning, turned, command, k, out)
-                if has_two_stage_pitch:  # noqa: SIM102 -- numba drops a branch of a constant only
-                    if kind == _TWO_STAGE_PITCH:
-                        two_stage.observe_pitch(memory, now, then, turning, turned, command, k, out)
-                if has_two_stage_surfaces:  # noqa: SIM102
-                    if kind == _TWO_STAGE_SURFACES:
-                        two_stage.observe_surfaces(memory, now, then, turning, turned, command, k, out)
-                if has_elevator:  # noqa: SIM102
-                    if kind == _ELEVATOR:
-                        observers.observe_elevator(memory, now, then, turning, turned, command, k, out)
-                if has_gust:  # noqa: SIM102
-                    if kind == _GUST:
-                        observers.observe_gust(memory, now, then, turning, turned, command, k, out)
+                _observe(block.update, memory, now, then, turning, turned, command, k, out)
             if redesigns:
                 changed = _is_changed(head, law, estimates)
                 if lateral:  # noqa: SIM102
@@ -371,16 +305,13 @@ def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
             to = _FIELDS * int(head.state_from)
             state = record(estimates, to, ESTIMATE)
             alpha, q = state.alpha_rad, state.q_rad_s
-        if load_factor > 0:
+        if load_factor:
             in_g_at = int(head.in_g_at)
             in_g_row = row[in_g_at : in_g_at + _IN_G_SIZE]
             in_g = record(in_g_row, 0, _IN_G)
             own, now = store[int(head.law_begin) : int(head.law_end)], row[_MEASURED_AT:_ESTIMATES_AT]
             level = cos(measured.theta_rad) * cos(measured.phi_rad)
-            if load_factor == _NZ_SCHEDULED:
-                demand = nz_scheduled.demand_of(own, now, in_g.nz_ref_g, measured.nz_g - level, head.hold > 0.0)
-            if load_factor == _NZ_ADAPTIVE:
-                demand = nz_adaptive.demand_of(own, now, in_g.nz_ref_g, measured.nz_g - level, in_g_row[_MODEL:])
+            demand = _demand(head.law, own, now, in_g.nz_ref_g, measured.nz_g - level, head.hold > 0.0, in_g_row[_MODEL:])
             _set_throttle(head, measured, in_g, level, k)
         else:
             demand = proportional_demand(
@@ -554,17 +485,13 @@ def rows_of(flight: Flight) -> Array | None:
 
 
 def is_built_in(flight: Flight) -> bool:
-    """Return whether all parts of a tick have exactly these types; a derived type may behave differently.
-
-    A flight with another combination of large parts than those of ``FUNCTIONS`` flies composed: each combination is a function of its own,
-    whose compilation takes up to half a minute.
-    """
+    """Return whether all parts of a tick have exactly these types or a compiled form of their own; a derived type may behave differently."""
     lateral, redesign, in_g = flight.lateral, flight.redesign, flight.load_factor
     return (
         type(flight.sensors) is Sensors
         and type(flight.adaptation) is Adaptation
         and (_is_packed(in_g) if in_g is not None else type(flight.law) in _LAWS)
-        and all(type(estimator) in KINDS and _memory(estimator) is not None for estimator in flight.estimators)
+        and all(_memory(estimator) is not None for estimator in flight.estimators)
         and (redesign is None or type(redesign) is Redesign)
         and (
             lateral is None
@@ -576,37 +503,33 @@ def is_built_in(flight: Flight) -> bool:
                 and isinstance(flight.plant, JsbsimPlant)
             )
         )
-        and _variant(flight) in FUNCTIONS
     )
 
 
 def _memory(estimator: Estimator | SurfacesEstimator) -> Array | None:
-    return estimator.packed() if isinstance(estimator, Packable) else None
+    """Return the memory of an estimator whose class itself has a compiled form."""
+    has_form = isinstance(estimator, Packable) and "compiled_update" in vars(type(estimator))
+    return estimator.packed() if has_form else None  # type: ignore[union-attr]
+
+
+def _law_memory(law: LoadFactorLaw) -> Array | None:
+    """Return the memory of a load-factor law whose class itself has a compiled form."""
+    has_form = isinstance(law, PackableLaw) and "compiled_demand" in vars(type(law))
+    return law.packed() if has_form else None  # type: ignore[attr-defined]
 
 
 def _is_packed(axis: LoadFactorAxis) -> bool:
-    """Return whether axis, law and throttle have exactly the built-in types, and the law has a compiled form."""
-    law, auto = axis.law, axis.autothrottle
+    """Return whether axis and throttle have exactly the built-in types, and the law has a compiled form."""
+    auto = axis.autothrottle
     return (
         type(axis) is LoadFactorAxis
-        and type(law) in _LOAD_FACTOR_LAWS
-        and isinstance(law, NzScheduled | NzAdaptive)
-        and law.packed() is not None
+        and _law_memory(axis.law) is not None
         and (auto is None or type(auto) is Autothrottle)
     )
 
 
 def _variant(flight: Flight) -> _Variant:
-    kinds = {type(estimator) for estimator in flight.estimators}
-    return _Variant(
-        lateral=flight.lateral is not None,
-        load_factor=_NO_LOAD_FACTOR if flight.load_factor is None else _LOAD_FACTOR_LAWS[type(flight.load_factor.law)],
-        redesigns=flight.redesign is not None,
-        two_stage_pitch=TwoStagePitch in kinds,
-        two_stage_surfaces=TwoStageSurfaces in kinds,
-        elevator_reconstruction=ElevatorReconstruction in kinds,
-        gust_reconstruction=GustReconstruction in kinds,
-    )
+    return _Variant(flight.lateral is not None, flight.load_factor is not None, flight.redesign is not None)
 
 
 _prepared: set[_Variant] = set()
@@ -624,19 +547,20 @@ def _store(flight: Flight) -> Array:
     lateral, in_g = flight.lateral, flight.load_factor
     blocks, memories, end, first = [], [], _AT_ESTIMATORS + len(flight.estimators) * _ESTIMATOR_SIZE, 0
     for estimator in flight.estimators:
-        memory = _memory(estimator)
+        assert isinstance(estimator, Packable)
+        memory, count = estimator.packed(), len(estimator.surfaces) if isinstance(estimator, SurfacesEstimator) else 1
         assert memory is not None
-        count = len(estimator.surfaces) if isinstance(estimator, TwoStageSurfaces) else 1
-        block = {"kind": KINDS[type(estimator)], "begin": end, "end": end + memory.size, "first": first, "count": count}
-        blocks.append(packed(_ESTIMATOR, **block))
+        update = OBSERVERS.address(estimator.compiled_update)
+        blocks.append(packed(_ESTIMATOR, update=update, begin=end, end=end + memory.size, first=first, count=count))
         memories.append(memory)
         end, first = end + memory.size, first + count
-    places = {"law_begin": end, "law_end": end}
+    places: dict[str, float] = {"law_begin": end, "law_end": end}
     if in_g is not None:
-        assert isinstance(in_g.law, NzScheduled | NzAdaptive)
+        assert isinstance(in_g.law, PackableLaw)
         own = in_g.law.packed()
         assert own is not None
         memories.append(own)
+        places["law"] = LAWS.address(in_g.law.compiled_demand)
         end = places["law_end"] = end + own.size
     errors = [flight.sensors.errors.ravel()] + ([] if lateral is None else [lateral.sensors.errors.ravel()])
     lateral_at = _ESTIMATES_AT + first * _FIELDS
@@ -667,7 +591,7 @@ def _store(flight: Flight) -> Array:
 _FLOWN_AT = {name: at for at, name in enumerate(FLOWN_FIELDS)}
 
 
-def _head(flight: Flight, places: Mapping[str, int]) -> Array:
+def _head(flight: Flight, places: Mapping[str, float]) -> Array:
     """Return the head of the store."""
     values: dict[str, float] = {
         **places,

@@ -72,16 +72,10 @@ _PLID_SETTINGS = 6
 
 
 @compiled
-def demand_of(memory: Array, now: Array, increment_ref_g: float, increment_g: float, out: Array) -> float:
-    """Return ``NzAdaptive.demand`` for compiled callers.
-
-    Args:
-        memory: as from ``NzAdaptive.packed``; updated.
-        now: fields of the Measurement.
-        increment_ref_g, increment_g: reference of a_n, and its reading.
-        out: (4,), the identified model, written.
-
-    """
+def demand_of(
+    memory: Array, now: Array, increment_ref_g: float, increment_g: float, _hold: bool, out: Array
+) -> float:
+    """Return ``NzAdaptive.demand``; see ``design.PackableLaw``."""
     own, m, a = record(memory, 0, _MEMORY), record(now, 0, MEASUREMENT), _AFTER
     s, a = memory[a : a + _SIZE], a + _SIZE
     P, a = memory[a : a + _SIZE * _SIZE].reshape((_SIZE, _SIZE)), a + _SIZE * _SIZE
@@ -141,6 +135,8 @@ class NzAdaptive:
             (listing of D).
 
     """
+
+    compiled_demand = staticmethod(demand_of)
 
     def __init__(
         self,

@@ -7,10 +7,10 @@ slope.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import cos
-from typing import Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from flightbed.avionics.pitch_points import PitchPoint
 from flightbed.avionics.short_period import zero_order_hold
 from flightbed.control import placement
 from flightbed.core.atmosphere import air
+from flightbed.core.by_address import by_address
 from flightbed.core.compiled import compiled
 from flightbed.core.errors import DesignError
 from flightbed.core.signals import Measurement
@@ -44,6 +45,29 @@ class LoadFactorLaw(Protocol):
     @property
     def model(self) -> tuple[float, float, float, float]:
         """Identified a_0, a_1, b_0, b_1, as ``Plid.parameters``; nan for a law without identification."""
+
+
+# Address and call of the functions ``compiled_demand``.
+LAWS = by_address(("array", "array", "float", "float", "bool", "array"), "float")
+
+
+@runtime_checkable
+class PackableLaw(Protocol):
+    """A load-factor law that the compiled flight computer can fly. The class itself, not a base class, has ``compiled_demand``.
+
+    ``compiled_demand(memory, now, increment_ref_g, increment_g, hold, model)`` is ``demand`` in compiled code:
+
+    - memory: as from ``packed``; updated.
+    - now: fields of the Measurement.
+    - increment_ref_g, increment_g: reference of a_n, and its reading.
+    - hold: as in ``LoadFactorLaw``.
+    - model: (4,), the identified model, written by a law that identifies one.
+    """
+
+    compiled_demand: ClassVar[Callable[..., Any]]
+
+    def packed(self) -> Array | None:
+        """Return the memory of a new law, flat; None if its settings have no compiled form."""
 
 
 @dataclass(frozen=True, eq=False)

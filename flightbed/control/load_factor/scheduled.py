@@ -28,16 +28,10 @@ _TABLE = size(_MEMORY)
 
 
 @compiled
-def demand_of(memory: Array, now: Array, increment_ref_g: float, increment_g: float, hold: bool) -> float:
-    """Return ``NzScheduled.demand`` for compiled callers.
-
-    Args:
-        memory: as from ``NzScheduled.packed``; updated.
-        now: fields of the Measurement.
-        increment_ref_g, increment_g: reference of a_n, and its reading.
-        hold: as in ``LoadFactorLaw``.
-
-    """
+def demand_of(
+    memory: Array, now: Array, increment_ref_g: float, increment_g: float, hold: bool, _out: Array
+) -> float:
+    """Return ``NzScheduled.demand``; see ``design.PackableLaw``."""
     own, m = record(memory, 0, _MEMORY), record(now, 0, MEASUREMENT)
     points = int(own.points)
     table = memory[_TABLE:].reshape((points, (memory.size - _TABLE) // points))
@@ -66,6 +60,8 @@ class NzScheduled:
         stops_rad: limits of the demand.
 
     """
+
+    compiled_demand = staticmethod(demand_of)
 
     def __init__(
         self, table: GainTable, *, control_hz: int, elevator_trim_rad: float, stops_rad: tuple[float, float]

@@ -149,6 +149,7 @@ class ElevatorReconstruction:
     """
 
     readings = 2.0
+    compiled_update = staticmethod(observers.observe_elevator)
 
     def __init__(self, config: ReconstructionConfig, onboard: OnBoard) -> None:
         noise, dt = onboard.noise, 1.0 / onboard.control_hz

@@ -65,6 +65,8 @@ class GustReconstruction:
 
     """
 
+    compiled_update = staticmethod(observers.observe_gust)
+
     def __init__(self, config: GustConfig, onboard: OnBoard) -> None:
         self._config, self._motion = config, PitchMotion(onboard, scheduled=config.scheduled)
         dt, noise = 1.0 / onboard.control_hz, onboard.noise

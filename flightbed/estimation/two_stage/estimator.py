@@ -351,6 +351,7 @@ class TwoStagePitch:
     """
 
     readings = 2.0
+    compiled_update = staticmethod(observe_pitch)
 
     def __init__(self, config: SurfacesConfig, onboard: OnBoard) -> None:
         if config.scheduled and onboard.schedule is None:
@@ -403,6 +404,7 @@ class TwoStageSurfaces:
 
     readings = 5.0
     surfaces: tuple[str, ...] = SURFACES
+    compiled_update = staticmethod(observe_surfaces)
 
     def __init__(self, config: SurfacesConfig, onboard: OnBoard) -> None:
         schedule, lateral, noise = onboard.schedule, onboard.lateral, onboard.lateral_noise
