@@ -20,7 +20,7 @@ class ByAddress(NamedTuple):
     Attributes:
         address: compiled function -> its address in this process, as a float, which the records of ``core/records.py`` can hold; compiles
             the function, or loads it from the cache.
-        call: call a function, (address, *arguments) -> its result; also in compiled code.
+        call: (address, *arguments) -> result; for compiled functions, and for plain ones if FLIGHTBED_PLAIN is set.
 
     """
 

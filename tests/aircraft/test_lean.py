@@ -1,7 +1,8 @@
-"""The lean overlay: without ground contacts, hook and canopy the F-16 flies the same traces bit for bit."""
+"""The lean overlay: without the elements that have no effect in flight the F-16 flies the same traces bit for bit."""
 
 from __future__ import annotations
 
+import re
 import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -22,17 +23,42 @@ from flightbed.scenario.reading import load_scenario
 from tests.flights import ShippedFlight, representative
 
 
+REMOVALS = 6  # the last edits of the overlay
+# The removals of the version before, and what they had to declare.
+EARLIER = """
+[[edits]]
+do = "declare"
+property = "gear/unit[1]/WOW"
+value = 0.0
+[[edits]]
+do = "declare"
+property = "gear/unit[2]/WOW"
+value = 0.0
+[[edits]]
+do = "remove"
+elements = "ground_reactions/contact"
+count = 10
+[[edits]]
+do = "remove"
+elements = "flight_control/channel"
+names = ["Hook", "Canopy"]
+"""
+
+
+def _overlay(folder: Path, removals: str) -> Path:
+    """Write the overlay with other removals; return its folder."""
+    shutil.copytree(data.find("aircraft", "f16"), folder)
+    head, *edits = re.sub(r"equal_to = \[[^]]*\]\n", "", (folder / "aircraft.toml").read_text()).split("[[edits]]\n")
+    assert all("remove" in edit or "gear-wow" in edit for edit in edits[-REMOVALS:])
+    kept = "[[edits]]\n".join([head, *edits[:-REMOVALS]])
+    (folder / "aircraft.toml").write_text(kept + removals)
+    return folder
+
+
 @pytest.fixture(scope="module")
 def full_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The overlay without the removals, in a folder."""
-    folder = tmp_path_factory.mktemp("full") / "f16"
-    shutil.copytree(data.find("aircraft", "f16"), folder)
-    head, *edits = (folder / "aircraft.toml").read_text().split("[[edits]]\n")
-    kept = [edit for edit in edits if 'do = "remove" ' not in edit and "/WOW" not in edit]
-    assert len(kept) == len(edits) - 4
-    head = "".join(line for line in head.splitlines(keepends=True) if not line.startswith("equal_to"))
-    (folder / "aircraft.toml").write_text("[[edits]]\n".join([head, *kept]))
-    return folder
+    return _overlay(tmp_path_factory.mktemp("full") / "f16", "")
 
 
 @pytest.fixture(scope="module")
@@ -40,20 +66,49 @@ def full(full_folder: Path) -> Aircraft:
     return load_aircraft(str(full_folder))
 
 
-def test_the_overlay_lists_the_one_that_it_equals(f16: Aircraft, full: Aircraft) -> None:
-    """The flights below are compared with exactly the overlay that has the fingerprint in equal_to."""
-    assert f16.equal_to == (full.sha256,)
+def test_the_overlay_lists_those_that_it_equals(f16: Aircraft, full: Aircraft, tmp_path: Path) -> None:
+    """The flights below are compared with exactly the overlay that has the first fingerprint in equal_to."""
+    earlier = load_aircraft(str(_overlay(tmp_path / "f16", EARLIER)))
+    assert f16.equal_to == (full.sha256, earlier.sha256)
     assert f16.sha256 not in f16.equal_to
-    assert len(f16.edits) == len(full.edits) + 4
+    assert len(f16.edits) == len(full.edits) + REMOVALS
 
 
-def test_ten_contacts_and_two_channels_are_gone(f16: Aircraft, full: Aircraft) -> None:
+def test_what_is_gone_and_that_nothing_else_is(f16: Aircraft, full: Aircraft) -> None:
     stock = Path(jsbsim.get_default_root_dir(), f16.stock_file).read_bytes()
     lean, whole = (ET.fromstring(aircraft.patch(stock)) for aircraft in (f16, full))
     assert [len(root.findall("ground_reactions/contact")) for root in (whole, lean)] == [10, 0]
+    assert [len(root.findall("external_reactions/force")) for root in (whole, lean)] == [2, 0]
     channels = [[c.get("name") for c in root.findall("flight_control/channel")] for root in (whole, lean)]
-    assert channels[1] == [name for name in channels[0] if name not in ("Hook", "Canopy")]
-    assert len(channels[0]) == len(channels[1]) + 2
+    gone = {"Flaps", "Landing Gear", "Hook", "Canopy"}
+    assert channels[1] == [name for name in channels[0] if name not in gone]
+    assert len(channels[0]) == len(channels[1]) + len(gone)
+    tables = [[f.get("name") for f in root.findall("aerodynamics/axis/function")] for root in (whole, lean)]
+    assert set(tables[0]) - set(tables[1]) == {"aero/coefficient/CDgear"}
+
+
+def test_every_channel_element_that_is_left_reaches_a_force_or_the_harness(f16: Aircraft) -> None:
+    """An element acts if a table, the engine, the harness, or an element that acts reads its output; the speedbrake's tables read radians."""
+    stock = Path(jsbsim.get_default_root_dir(), f16.stock_file).read_bytes()
+    root = ET.fromstring(f16.patch(stock))
+    elements = [e for channel in root.findall("flight_control/channel") for e in channel]
+
+    def read_by(element: ET.Element) -> set[str]:
+        words = " ".join(f"{e.text or ''} {' '.join(e.attrib.values())}" for e in element.iter() if e.tag != "output")
+        return {word.lstrip("-") for word in words.split() if "/" in word}
+
+    def outputs(element: ET.Element) -> set[str]:
+        return {element.get("name", ""), *((e.text or "").strip() for e in element.iter("output"))}
+
+    wanted = {*f16.properties.values(), "fcs/throttle-pos-norm", "fcs/speedbrake-pos-norm"}
+    for section in root:
+        if section.tag != "flight_control":
+            wanted |= read_by(section)
+    acting: set[str] = set()
+    while new := [e for e in elements if e.get("name") not in acting and outputs(e) & wanted]:
+        acting |= {e.get("name", "") for e in new}
+        wanted = wanted.union(*(read_by(e) for e in new))
+    assert [e.get("name") for e in elements if e.get("name") not in acting] == []
 
 
 def test_every_frame_is_equal(f16: Aircraft, full: Aircraft) -> None:
@@ -132,8 +187,8 @@ def test_a_flight_in_which_the_speedbrake_opens_is_equal(full_folder: Path) -> N
 @pytest.mark.parametrize(
     ("old", "new", "property_"),
     [
-        ('property = "gear/unit[1]/WOW"', 'property = "gear/unit[3]/WOW"', "gear/unit[1]/WOW"),
-        ('["Hook", ', '["Landing Gear", "Hook", ', "fcs/gear-wow"),
+        ('property = "fcs/gear-wow"', 'property = "fcs/another"', "fcs/gear-wow"),
+        ('["Flaps", ', '["Wing leveller", "Flaps", ', "fcs/roll-command-norm"),
     ],
 )
 def test_a_removal_that_leaves_a_reader_is_an_error(tmp_path: Path, old: str, new: str, property_: str) -> None:

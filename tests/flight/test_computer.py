@@ -18,7 +18,7 @@ from flightbed.estimation.loop_gain.estimator import LoopGain
 from flightbed.estimation.two_stage.estimator import TwoStageSurfaces
 from flightbed.flight.assembly import assemble, names_of
 from flightbed.flight.composed import Composed
-from flightbed.flight.computer import Compiled, computer_of, is_built_in, rows_of
+from flightbed.flight.computer import Compiled, computer_of, rows_of
 from flightbed.flight.loop import fly
 from flightbed.flight.parts import Flight
 from flightbed.flight.plan import plan
@@ -56,12 +56,18 @@ def test_shipped_scenarios_are_the_same_both_ways(name: str) -> None:
     _assert_equal(*_both(load_scenario(name)))
 
 
-def test_other_combinations_of_large_parts_are_composed() -> None:
-    assert not is_built_in(assemble(plan(rolling([*SOON, "estimators=[]", "adaptation.enabled=false"]))))
-    large = [{"name": kind, "kind": kind} for kind in ("two-stage", "input-kalman")]
-    for estimators, compiles in ((large[:1], True), (large[1:], True), (large, False)):
-        scenario = load_scenario({"schema": 1, "name": "mine", "duration_s": 0.2, "estimators": estimators})
-        assert is_built_in(assemble(plan(scenario))) == compiles
+@pytest.mark.parametrize("settings", [["estimators=[]", "adaptation.enabled=false"], ["adaptation.enabled=false"]])
+def test_lateral_flights_without_estimators_or_correction_are_the_same_both_ways(settings: list[str]) -> None:
+    _assert_equal(*_both(rolling([*SOON, *settings])))
+
+
+def test_all_compiled_estimators_in_one_flight_are_the_same_both_ways() -> None:
+    kinds = ("loop-gain", "two-stage", "input-kalman", "retrospective-cost", "differentiated-rls")
+    table = {
+        "schema": 1, "name": "mine", "duration_s": 4.0, "estimators": [{"name": kind, "kind": kind} for kind in kinds],
+        "failures": [{"at_s": 1.5, "kind": "step", "to": 0.5}],
+    }  # fmt: skip
+    _assert_equal(*_both(load_scenario(table)))
 
 
 @pytest.mark.parametrize(

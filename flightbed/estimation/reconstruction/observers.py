@@ -34,6 +34,7 @@ from flightbed.estimation.reconstruction.retrospective_cost import Retrospective
 
 FAR = 1e4  # innovation, in standard deviations, beyond which a method restarts from the readings
 _FOLLOWING_SETTINGS, _ROUGH_SETTINGS, _NUMBERS = 11, 23, 7
+_ADAPTS = True  # a literal argument would be compiled as a function of its own
 HEAD = layout(
     (
         "states", "is_walk", "order", "horizon", "initial_covariance", "is_scheduled", "dt", "window", "follows",
@@ -102,8 +103,9 @@ def _retrospective(memory: Array, n: int, order: int, horizon: int) -> tuple[Arr
 
 
 @compiled
-def _begin(head: Any, memory: Array, n: int, A: Array, B: Array, C: Array, state: Array) -> None:
+def _begin(head: Any, memory: Array, A: Array, B: Array, C: Array, state: Array) -> None:
     """Start a method at a state (n,)."""
+    n = A.shape[0]  # a literal argument would be compiled as a function of its own
     if head.is_walk > 0.0:
         x, P, _, first, gain = _walk(memory, n)
         x[:n], x[n] = state, 0.0
@@ -124,10 +126,9 @@ def _begin(head: Any, memory: Array, n: int, A: Array, B: Array, C: Array, state
 
 
 @compiled
-def _take_walk(
-    memory: Array, n: int, A: Array, B: Array, C: Array, known: Array, y: Array
-) -> tuple[float, Array, Array]:
+def _take_walk(memory: Array, A: Array, B: Array, C: Array, known: Array, y: Array) -> tuple[float, Array, Array]:
     """Return input, state and innovation; ``InputKalmanFilter.update``."""
+    n = A.shape[0]
     x, P, Q, _, gain = _walk(memory, n)
     wide_C, F = np.zeros((2, n + 1)), np.zeros((n + 1, n + 1))
     wide_C[:, :n], F[:n, :n], F[:n, n], F[n, n] = C, A, B[:, 0], 1.0
@@ -141,19 +142,29 @@ def _take_walk(
 
 @compiled
 def _take_retrospective(
-    memory: Array, n: int, order: int, horizon: int, A: Array, B: Array, C: Array, known: Array, y: Array
+    memory: Array, order: int, horizon: int, A: Array, B: Array, C: Array, known: Array, y: Array
 ) -> tuple[float, Array, Array]:
     """Return input, state and innovation; ``RetrospectiveCost.update``."""
-    x, theta, P, U, Z, H, As, Bs, numbers, _ = _retrospective(memory, n, order, horizon)
+    x, theta, P, U, Z, H, As, Bs, numbers, _ = _retrospective(memory, A.shape[0], order, horizon)
     state = x.copy()
     delays, retained = np.arange(horizon), np.zeros((horizon, horizon), dtype=np.int64)
     for i in range(horizon):
         retained[i, : horizon - i] = 1
     z, _best = retrospective_kernels.take(
         y, (A, B, C), known, (x, theta, P, U, Z, H, As, Bs), (delays, retained, delays + 1, delays),
-        (np.eye(2 * horizon), np.eye(horizon)), numbers, order, retrospective_kernels.CONSTANT, True,
+        (np.eye(2 * horizon), np.eye(horizon)), numbers, order, retrospective_kernels.CONSTANT, _ADAPTS,
     )  # fmt: skip
     return U[0, 0], state, z
+
+
+@compiled
+def _take(
+    head: Any, memory: Array, A: Array, B: Array, C: Array, known: Array, y: Array
+) -> tuple[float, Array, Array]:
+    """Return input, state and innovation of the method."""
+    if head.is_walk > 0.0:
+        return _take_walk(memory, A, B, C, known, y)
+    return _take_retrospective(memory, int(head.order), int(head.horizon), A, B, C, known, y)
 
 
 @compiled
@@ -216,7 +227,7 @@ def _propagation(head: Any, method: Array, F: Array, G: Array, A: Array, B: Arra
     """
     n = F.shape[0]
     if head.is_walk > 0.0:
-        gain = _walk(method, 2)[4]
+        gain = _walk(method, A.shape[0])[4]
         ahead, corrected, given = np.eye(n), np.eye(n), np.empty((n, 2))
         ahead[:2, :2], ahead[:2, OUT] = A, -B[:, 0]
         corrected[:2, :2] -= gain[:2]
@@ -224,7 +235,7 @@ def _propagation(head: Any, method: Array, F: Array, G: Array, A: Array, B: Arra
         given[:2], given[OUT] = -gain[:2], gain[OUT]
         return ahead @ corrected, ahead @ given
     order = int(head.order)
-    theta = _retrospective(method, 2, order, int(head.horizon))[1]
+    theta = _retrospective(method, A.shape[0], order, int(head.horizon))[1]
     F[:2, :2], F[OUT, 2:] = A, theta[0]
     F[:2, 2:] = -B @ theta
     found, given = F.copy(), G.copy()
@@ -240,7 +251,7 @@ def observe_elevator(
 ) -> None:
     """Take the readings of tick k: ``ElevatorReconstruction.update`` for compiled callers; see ``packed.Packable``."""
     head, m = record(memory, 0, HEAD), record(now, 0, MEASUREMENT)
-    n, order, horizon, window, a = int(head.states), int(head.order), int(head.horizon), int(head.window), _AFTER
+    n, order, window, a = int(head.states), int(head.order), int(head.window), _AFTER
     queue, a = memory[a : a + int(head.delay)], a + int(head.delay)
     rows, a = memory[a : a + 8].reshape((2, 4)), a + 8
     work, a = memory[a : a + 8].reshape((2, 4)), a + 8
@@ -278,7 +289,7 @@ def observe_elevator(
         restart(following, window)
     newest = 2 + order
     if head.has_before == 0.0:
-        _begin(head, method, 2, A, B, C, y)
+        _begin(head, method, A, B, C, y)
         if head.is_walk == 0.0:
             F[newest : newest + 2, :2], G[newest : newest + 2] = 0.0, 0.0
     process = np.empty(2)
@@ -293,18 +304,13 @@ def observe_elevator(
     before[:, :] = model
     head.has_before = 1.0
     head.tick += 1.0
-    if head.is_walk > 0.0:
-        found, state, innovation = _take_walk(method, 2, A, B, C, known, y)
-    else:
-        found, state, innovation = _take_retrospective(method, 2, order, horizon, A, B, C, known, y)
+    found, state, innovation = _take(head, method, A, B, C, known, y)
     ahead, given = _propagation(head, method, F, G, A, B)
     if not (isfinite(found) and abs(innovation[0]) < FAR and abs(innovation[1]) < FAR):
-        _begin(head, method, 2, A, B, C, y)
-        if head.is_walk > 0.0:
-            found, state, innovation = _take_walk(method, 2, A, B, C, known, y)
-        else:
+        _begin(head, method, A, B, C, y)
+        if head.is_walk == 0.0:
             F[newest : newest + 2, :2], G[newest : newest + 2] = 0.0, 0.0
-            found, state, innovation = _take_retrospective(method, 2, order, horizon, A, B, C, known, y)
+        found, state, innovation = _take(head, method, A, B, C, known, y)
         ahead, given = _propagation(head, method, F, G, A, B)
         restart(following, window)
     estimate = follow(
@@ -334,7 +340,7 @@ def observe_gust(
 ) -> None:
     """Take the readings of tick k: ``GustReconstruction.update`` for compiled callers; see ``packed.Packable``."""
     head, m, last = record(memory, 0, HEAD), record(now, 0, MEASUREMENT), record(then, 0, MEASUREMENT)
-    order, horizon, a = int(head.order), int(head.horizon), _AFTER
+    a = _AFTER
     rows, a = memory[a : a + 8].reshape((2, 4)), a + 8
     work, a = memory[a : a + 8].reshape((2, 4)), a + 8
     schedule_at = a + int(head.method)
@@ -361,18 +367,12 @@ def observe_gust(
     known, first = G @ inputs, np.zeros(3)
     first[:2] = y
     if head.has_before == 0.0:
-        _begin(head, method, 3, A, B, C, first)
+        _begin(head, method, A, B, C, first)
         head.has_before = 1.0
-    if head.is_walk > 0.0:
-        _, state, innovation = _take_walk(method, 3, A, B, C, known, y)
-    else:
-        _, state, innovation = _take_retrospective(method, 3, order, horizon, A, B, C, known, y)
+    _, state, innovation = _take(head, method, A, B, C, known, y)
     if not (isfinite(np.sum(state)) and abs(innovation[0]) < FAR and abs(innovation[1]) < FAR):
-        _begin(head, method, 3, A, B, C, first)
-        if head.is_walk > 0.0:
-            _, state, innovation = _take_walk(method, 3, A, B, C, known, y)
-        else:
-            _, state, innovation = _take_retrospective(method, 3, order, horizon, A, B, C, known, y)
+        _begin(head, method, A, B, C, first)
+        _, state, innovation = _take(head, method, A, B, C, known, y)
     e_alpha, e_q = innovation[0] * sigma[0], innovation[1] * sigma[1]
     to.alpha_rad, to.q_rad_s, to.reconstructed_rad = state[0] * sigma[0], state[1] * sigma[1], state[2] * sigma[2]
     to.innovation_alpha_rad = e_alpha if isfinite(e_alpha) else nan
