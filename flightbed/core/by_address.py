@@ -50,7 +50,6 @@ if PLAIN:
         return _by_number()
 
 else:
-    from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
 
@@ -78,7 +77,7 @@ else:
                 convention, (address, packed) = context.call_conv, given_values
                 types_ = signature.args[1].types
                 kind = convention.get_function_type(given, taken)
-                whole = builder.fptoui(address, ir.IntType(64))
+                whole = builder.fptoui(address, context.get_value_type(types.uint64))
                 function = builder.inttoptr(whole, kind.as_pointer())
                 each = [
                     context.cast(builder, builder.extract_value(packed, i), actual, wanted)
@@ -89,7 +88,7 @@ else:
                     convention.return_status_propagate(builder, status)
                 return context.get_dummy_value() if given is types.none else out
 
-            return given(at, types.StarArgTuple.from_types(values)), generate
+            return given(at, types.StarArgTuple.from_types(values)), generate  # type: ignore[no-untyped-call]
 
         @cache
         def address(function: Callable[..., Any]) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol
 
 from flightbed.core.by_address import by_address
 from flightbed.core.compiled import Array
@@ -19,7 +19,6 @@ MEASUREMENT, LATERAL_MEASUREMENT, ESTIMATE = map(
 OBSERVERS = by_address(("array", "array", "array", "array", "array", "float", "int", "array"), "none")
 
 
-@runtime_checkable
 class Packable(Protocol):
     """An estimator that the compiled flight computer can fly. The class itself, not a base class, has ``compiled_update``.
 

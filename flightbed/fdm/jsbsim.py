@@ -24,7 +24,7 @@ import jsbsim
 
 from flightbed.core.errors import AircraftError, UnknownNameError
 from flightbed.core.units import FT, INCH, LB
-from flightbed.fdm.stock import StockAircraft, engine_names, read_stock, references, without_io
+from flightbed.fdm.stock import StockAircraft, compact, engine_names, read_stock, references, without_io
 from flightbed.fdm.tables import breakpoints
 
 _TERRAIN_FT = -2000.0  # below sea level: no ground contact, no ground effect at h = 0
@@ -97,6 +97,9 @@ def stock_aircraft(name: str) -> StockAircraft:
     return read_stock(name, (root / "aircraft" / name / f"{name}.xml").read_bytes(), engine)
 
 
+_CHECKED: set[Overlay] = set()  # overlays whose references all exist
+
+
 class Fdm:
     """One FGFDMExec with one model loaded; gives access to its properties by name."""
 
@@ -124,15 +127,17 @@ class Fdm:
             self.absent = tuple(p for p in sorted(references(files)) if self._manager.get_node(p) is None)
             for path in self.absent:
                 self._manager.get_node(path, True)
-        for file, path in () if isinstance(aircraft, StockAircraft) else aircraft.references():
-            if self._find(path) is None:
-                raise AircraftError(f"aircraft {aircraft.name}: {file}: JSBSim has no property {path}")
-        for path in () if isinstance(aircraft, StockAircraft) else _model_references(aircraft):
-            if self._find(path) is None:
-                raise AircraftError(
-                    f"aircraft {aircraft.name}: the patched model reads {path}, which does not exist; "
-                    "keep the element that gives it, or declare the property"
-                )
+        elif aircraft not in _CHECKED:
+            for file, path in aircraft.references():
+                if self._find(path) is None:
+                    raise AircraftError(f"aircraft {aircraft.name}: {file}: JSBSim has no property {path}")
+            for path in _model_references(aircraft):
+                if self._find(path) is None:
+                    raise AircraftError(
+                        f"aircraft {aircraft.name}: the patched model reads {path}, which does not exist; "
+                        "keep the element that gives it, or declare the property"
+                    )
+            _CHECKED.add(aircraft)
 
     def _find(self, path: str) -> jsbsim.FGPropertyNode | None:
         """Return a property's node, None if there is none; a path with other characters would abort the process."""
@@ -259,6 +264,6 @@ def _model_folder(aircraft: Overlay | StockAircraft) -> Path:
         shutil.copytree(Path(jsbsim.get_default_root_dir()) / "aircraft" / aircraft.name, place)
     else:
         place.mkdir()
-    model = aircraft.without_io if isinstance(aircraft, StockAircraft) else _patched(aircraft)
+    model = aircraft.without_io if isinstance(aircraft, StockAircraft) else compact(_patched(aircraft))
     (place / f"{aircraft.name}.xml").write_bytes(model)
     return folder

@@ -15,8 +15,7 @@ from functools import cache
 from math import cos, isfinite, nan
 from operator import call
 from struct import Struct
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -40,7 +39,7 @@ from flightbed.core.signals import (
     Sample,
     Truth,
 )
-from flightbed.estimation.base import Estimator, SurfacesEstimator
+from flightbed.estimation.base import Estimator, SurfacesEstimator, estimate_names
 from flightbed.estimation.packed import ESTIMATE, LATERAL_MEASUREMENT, MEASUREMENT, OBSERVERS, Packable
 from flightbed.flight.composed import Composed, invalid_estimate
 from flightbed.flight.ending import FLIES, NAMES, Ended, ending
@@ -311,7 +310,9 @@ def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
             in_g = record(in_g_row, 0, _IN_G)
             own, now = store[int(head.law_begin) : int(head.law_end)], row[_MEASURED_AT:_ESTIMATES_AT]
             level = cos(measured.theta_rad) * cos(measured.phi_rad)
-            demand = _demand(head.law, own, now, in_g.nz_ref_g, measured.nz_g - level, head.hold > 0.0, in_g_row[_MODEL:])
+            demand = _demand(
+                head.law, own, now, in_g.nz_ref_g, measured.nz_g - level, head.hold > 0.0, in_g_row[_MODEL:]
+            )
             _set_throttle(head, measured, in_g, level, k)
         else:
             demand = proportional_demand(
@@ -485,7 +486,7 @@ def rows_of(flight: Flight) -> Array | None:
 
 
 def is_built_in(flight: Flight) -> bool:
-    """Return whether all parts of a tick have exactly these types or a compiled form of their own; a derived type may behave differently."""
+    """Return whether all parts of a tick have exactly these types, or a compiled form; a derived type may behave differently."""
     lateral, redesign, in_g = flight.lateral, flight.redesign, flight.load_factor
     return (
         type(flight.sensors) is Sensors
@@ -507,15 +508,15 @@ def is_built_in(flight: Flight) -> bool:
 
 
 def _memory(estimator: Estimator | SurfacesEstimator) -> Array | None:
-    """Return the memory of an estimator whose class itself has a compiled form."""
-    has_form = isinstance(estimator, Packable) and "compiled_update" in vars(type(estimator))
-    return estimator.packed() if has_form else None  # type: ignore[union-attr]
+    """Return the memory of an estimator whose class itself has a compiled form: it is ``Packable``."""
+    has_form = "compiled_update" in vars(type(estimator))
+    return cast(Packable, estimator).packed() if has_form else None
 
 
 def _law_memory(law: LoadFactorLaw) -> Array | None:
-    """Return the memory of a load-factor law whose class itself has a compiled form."""
-    has_form = isinstance(law, PackableLaw) and "compiled_demand" in vars(type(law))
-    return law.packed() if has_form else None  # type: ignore[attr-defined]
+    """Return the memory of a load-factor law whose class itself has a compiled form: it is ``PackableLaw``."""
+    has_form = "compiled_demand" in vars(type(law))
+    return cast(PackableLaw, law).packed() if has_form else None
 
 
 def _is_packed(axis: LoadFactorAxis) -> bool:
@@ -547,20 +548,18 @@ def _store(flight: Flight) -> Array:
     lateral, in_g = flight.lateral, flight.load_factor
     blocks, memories, end, first = [], [], _AT_ESTIMATORS + len(flight.estimators) * _ESTIMATOR_SIZE, 0
     for estimator in flight.estimators:
-        assert isinstance(estimator, Packable)
-        memory, count = estimator.packed(), len(estimator.surfaces) if isinstance(estimator, SurfacesEstimator) else 1
+        memory, count = _memory(estimator), len(estimate_names("", estimator))
         assert memory is not None
-        update = OBSERVERS.address(estimator.compiled_update)
+        update = OBSERVERS.address(cast(Packable, estimator).compiled_update)
         blocks.append(packed(_ESTIMATOR, update=update, begin=end, end=end + memory.size, first=first, count=count))
         memories.append(memory)
         end, first = end + memory.size, first + count
     places: dict[str, float] = {"law_begin": end, "law_end": end}
     if in_g is not None:
-        assert isinstance(in_g.law, PackableLaw)
-        own = in_g.law.packed()
+        own = _law_memory(in_g.law)
         assert own is not None
         memories.append(own)
-        places["law"] = LAWS.address(in_g.law.compiled_demand)
+        places["law"] = LAWS.address(cast(PackableLaw, in_g.law).compiled_demand)
         end = places["law_end"] = end + own.size
     errors = [flight.sensors.errors.ravel()] + ([] if lateral is None else [lateral.sensors.errors.ravel()])
     lateral_at = _ESTIMATES_AT + first * _FIELDS

@@ -22,7 +22,6 @@ from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from tests.flights import ShippedFlight, representative
 
-
 REMOVALS = 6  # the last edits of the overlay
 # The removals of the version before, and what they had to declare.
 EARLIER = """

@@ -75,6 +75,10 @@ def test_plain_python_gives_the_same() -> None:
         "test_results_and_arrays()\ntest_an_error_reaches_the_caller()\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], env=os.environ | {"FLIGHTBED_PLAIN": "1"}, capture_output=True, text=True, check=False
+        [sys.executable, "-c", code],
+        env=os.environ | {"FLIGHTBED_PLAIN": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")

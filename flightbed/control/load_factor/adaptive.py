@@ -72,9 +72,7 @@ _PLID_SETTINGS = 6
 
 
 @compiled
-def demand_of(
-    memory: Array, now: Array, increment_ref_g: float, increment_g: float, _hold: bool, out: Array
-) -> float:
+def demand_of(memory: Array, now: Array, increment_ref_g: float, increment_g: float, _hold: bool, out: Array) -> float:
     """Return ``NzAdaptive.demand``; see ``design.PackableLaw``."""
     own, m, a = record(memory, 0, _MEMORY), record(now, 0, MEASUREMENT), _AFTER
     s, a = memory[a : a + _SIZE], a + _SIZE

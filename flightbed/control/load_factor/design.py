@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import cos
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -51,7 +51,6 @@ class LoadFactorLaw(Protocol):
 LAWS = by_address(("array", "array", "float", "float", "bool", "array"), "float")
 
 
-@runtime_checkable
 class PackableLaw(Protocol):
     """A load-factor law that the compiled flight computer can fly. The class itself, not a base class, has ``compiled_demand``.
 

@@ -28,9 +28,7 @@ _TABLE = size(_MEMORY)
 
 
 @compiled
-def demand_of(
-    memory: Array, now: Array, increment_ref_g: float, increment_g: float, hold: bool, _out: Array
-) -> float:
+def demand_of(memory: Array, now: Array, increment_ref_g: float, increment_g: float, hold: bool, _out: Array) -> float:
     """Return ``NzScheduled.demand``; see ``design.PackableLaw``."""
     own, m = record(memory, 0, _MEMORY), record(now, 0, MEASUREMENT)
     points = int(own.points)

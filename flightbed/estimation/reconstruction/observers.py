@@ -137,7 +137,7 @@ def _take_walk(memory: Array, A: Array, B: Array, C: Array, known: Array, y: Arr
     x[:] = F @ corrected
     x[:n] += known
     P[:, :] = F @ spread @ F.T + Q
-    return corrected[n], corrected[:n], innovation
+    return float(corrected[n]), corrected[:n], innovation
 
 
 @compiled
@@ -158,9 +158,7 @@ def _take_retrospective(
 
 
 @compiled
-def _take(
-    head: Any, memory: Array, A: Array, B: Array, C: Array, known: Array, y: Array
-) -> tuple[float, Array, Array]:
+def _take(head: Any, memory: Array, A: Array, B: Array, C: Array, known: Array, y: Array) -> tuple[float, Array, Array]:
     """Return input, state and innovation of the method."""
     if head.is_walk > 0.0:
         return _take_walk(memory, A, B, C, known, y)
