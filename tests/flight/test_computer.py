@@ -65,7 +65,7 @@ def test_all_compiled_estimators_in_one_flight_are_the_same_both_ways() -> None:
     kinds = ("loop-gain", "two-stage", "input-kalman", "retrospective-cost", "differentiated-rls")
     table = {
         "schema": 1, "name": "mine", "duration_s": 4.0, "estimators": [{"name": kind, "kind": kind} for kind in kinds],
-        "failures": [{"at_s": 1.5, "kind": "step", "to": 0.5}],
+        "failures": [{"at_s": 1.5, "to": 0.5}],
     }  # fmt: skip
     _assert_equal(*_both(load_scenario(table)))
 

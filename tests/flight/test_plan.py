@@ -71,7 +71,7 @@ def test_an_aircraft_with_another_fingerprint_is_an_error() -> None:
 
 def test_a_scenario_of_an_equal_overlay_is_accepted_with_a_note(f16: Aircraft) -> None:
     """An overlay lists earlier ones that fly the same traces; the plan names the one that flies."""
-    (earlier,) = f16.equal_to
+    earlier = f16.equal_to[0]
     found = plan(load_scenario("nominal", [f"aircraft.sha256={earlier}"]))
     assert found.scenario.aircraft.sha256 == f16.sha256
     assert found.notes == (
