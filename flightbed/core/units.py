@@ -43,3 +43,17 @@ def unit_of(name: str) -> str:
         if name.endswith(suffix):
             return unit
     return "1"
+
+
+# (from, to) -> factor.
+_CONVERSIONS = {
+    ("rad", "deg"): 1 / DEG,
+    ("rad/s", "deg/s"): 1 / DEG,
+    ("m", "ft"): 1 / FT,
+    ("m/s", "ft/s"): 1 / FT,
+}
+
+
+def conversion(unit: str, to: str) -> float:
+    """Return the factor from an SI unit to one in which the trace shows it. Raises KeyError for units that do not fit."""
+    return 1.0 if unit == to else _CONVERSIONS[unit, to]
