@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
@@ -98,11 +103,29 @@ def _holds(value: Any, wanted: Any) -> bool:
     return value in wanted if isinstance(wanted, tuple) else bool(value == wanted)
 
 
+@cache
+def _docstrings(table: type[BaseModel]) -> Mapping[str, str]:
+    """Return field -> the text under it in the class. It is read from the source when it is asked for: a flight needs none."""
+    try:
+        source = textwrap.dedent(inspect.getsource(table))
+    except (OSError, TypeError):  # a class that no file holds
+        return {}
+    statement = ast.parse(source).body[0]
+    found = {}
+    for pair in pairwise(statement.body if isinstance(statement, ast.ClassDef) else []):
+        match pair:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+                found[name] = text
+    return found
+
+
 def description_of(table: type[BaseModel], name: str) -> str | None:
     """Return the description of a field in one line: its own, or that of the class from which it is derived."""
-    fields = (base.model_fields.get(name) for base in table.__mro__ if issubclass(base, BaseModel))
-    found = next((field.description for field in fields if field is not None and field.description), None)
-    return None if found is None else " ".join(found.split()).replace("``", "`")
+    for base in table.__mro__:
+        field = base.model_fields.get(name) if issubclass(base, BaseModel) else None
+        if field is not None and (text := field.description or _docstrings(base).get(name)):
+            return " ".join(text.split()).replace("``", "`")
+    return None
 
 
 def condition_of(field: FieldInfo) -> str:
@@ -244,7 +267,6 @@ class Settings(BaseModel):
         strict=True,
         allow_inf_nan=False,
         populate_by_name=True,
-        use_attribute_docstrings=True,
     )
 
     @classmethod
