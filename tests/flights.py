@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from flightbed.campaigns import run as campaigns
+from flightbed.parallel import executor
 from flightbed.runs.run import Result, run
 from flightbed.scenario.reading import load_scenario
 
@@ -37,6 +38,20 @@ def campaigns_in_this_process() -> Iterator[None]:
     """Fly campaigns in this process, whatever the number of workers; a worker process takes two seconds to start."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(campaigns, "opener", lambda *_: lambda: nullcontext(None))
+        yield
+
+
+@contextmanager
+def studies_in_this_process() -> Iterator[None]:
+    """Let ``flightbed reproduce`` run here, whatever the number of workers; it refuses the same numbers."""
+    opener = executor.opener
+
+    def here(workers: int | None = None, scheduler: str | None = None) -> executor.Opener:
+        opener(workers, scheduler)
+        return lambda: nullcontext(None)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(executor, "opener", here)
         yield
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import os
+import io
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.bits import compare, difference
+from tests.bits import compare, difference, main
 
 BITS = Path(__file__).with_name("bits.py")
 MODULE = """
@@ -37,11 +38,24 @@ def _tree(folder: Path, change: str = "", **scenarios: str) -> Path:
     return folder
 
 
-def _bits(*arguments: object, **environment: str) -> tuple[int, list[str], list[str]]:
-    """Return exit code, lines of stdout and lines of stderr."""
-    command = [sys.executable, str(BITS), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **environment})
-    return done.returncode, done.stdout.splitlines(), done.stderr.splitlines()
+def _bits(*arguments: object) -> tuple[int, list[str], list[str]]:
+    """Return exit code, lines of stdout and lines of stderr; the trees fly in processes of their own."""
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        try:
+            code: object = main([*map(str, arguments)])
+        except SystemExit as ended:
+            code = ended.code
+    assert isinstance(code, int)
+    return code, out.getvalue().splitlines(), err.getvalue().splitlines()
+
+
+def test_the_script_prints_and_returns_the_same(tmp_path: Path) -> None:
+    old, new = _tree(tmp_path / "old"), _tree(tmp_path / "new", two="xxx")
+    command = [sys.executable, str(BITS), str(old), str(new)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.splitlines(), done.stderr.splitlines()) == _bits(old, new)
+    assert done.returncode == 1
 
 
 def test_trees_that_fly_the_same_are_equal(tmp_path: Path) -> None:

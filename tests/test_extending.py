@@ -18,6 +18,7 @@ import pytest
 
 from flightbed.cli import main as cli
 from flightbed.config import families
+from tests.flights import studies_in_this_process
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
@@ -49,7 +50,7 @@ def _run(line: str, folder: Path) -> str:
         assert (done.returncode, done.stderr) == (0, ""), done.stdout
         return done.stdout
     assert program == "flightbed", line
-    with _there(folder) as printed:
+    with _there(folder) as printed, studies_in_this_process():
         cli.app(arguments)
     return printed.getvalue()
 

@@ -343,7 +343,7 @@ def test_where_every_flight_fails_the_page_says_why(tmp_path: Path) -> None:
 
 
 LONGER = ["--set", "duration_s=4", "--set", "failures.0.at_s=2"]
-MANY = ["campaign", "elevator-loss", "--runs", "150", *LONGER, "--out", "x"]
+MANY = ["campaign", "elevator-loss", "--runs", "90", *LONGER, "--out", "x"]
 
 
 @contextmanager
@@ -388,22 +388,20 @@ def workers_of(process: subprocess.Popen[str]) -> list[int]:
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The table of MANY, flown in this process."""
-    flights = load_programme("elevator-loss", LONGER[1::2], 150)
+    flights = load_programme("elevator-loss", LONGER[1::2], 90)
     return campaigns.run(flights, tmp_path_factory.mktemp("many") / "x", workers=1)[1]
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="finds workers in /proc")
 def test_killed_interrupted_and_robbed_of_a_worker_it_leaves_the_same_table(undisturbed: Path, tmp_path: Path) -> None:
-    with started(*MANY, "--workers", "2", cwd=tmp_path, rows=10) as process:
+    with started(*MANY, "--workers", "1", cwd=tmp_path, rows=10) as process:
         process.kill()  # -9
     assert {p.name for p in (tmp_path / "x").iterdir()} == {"unfinished"}
-    with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=10) as process:
+    with started(*MANY, "--workers", "1", "--resume", cwd=tmp_path, rows=10) as process:
         process.send_signal(signal.SIGINT)
         stdout, stderr = process.communicate(timeout=60)
         assert (process.returncode, stdout) == (130, "")
-        assert (
-            "of 150 flights (table: x/table.parquet); continue with the same command and --out x --resume\n" in stderr
-        )
+        assert "of 90 flights (table: x/table.parquet); continue with the same command and --out x --resume\n" in stderr
         assert len(stderr.splitlines()) == 1
     with started(*MANY, "--workers", "2", "--resume", cwd=tmp_path, rows=10) as process:
         os.kill(workers_of(process)[0], signal.SIGKILL)

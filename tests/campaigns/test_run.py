@@ -35,6 +35,7 @@ from flightbed.scenario.reading import load_scenario
 from flightbed.statistics.intervals import median_interval, share
 from tests.command_line import call
 from tests.document.test_html import assert_self_contained, assert_sound, words
+from tests.flights import campaigns_in_this_process
 from tests.lateral_flight import NAMES, SOON, rolling
 
 SHORT = ["duration_s=3", "failures.0.at_s=1.5", "seed=7"]
@@ -243,6 +244,7 @@ def test_only_a_campaign_is_replaced_and_that_is_told_before_anything_flies(tmp_
         campaigns.fly(load_scenario("nominal"), 0)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_on_the_command_line(tmp_path: Path) -> None:
     short = [text for o in ("duration_s=0.4", "failures.0.at_s=0.1") for text in ("--set", o)]
     done = call("campaign", "elevator-loss", "--runs", "2", "--workers", "1", "--json", *short, cwd=tmp_path)
@@ -293,7 +295,8 @@ def test_own_code_flies_in_workers_and_in_the_worst_flights_command(tmp_path: Pa
     again = json.loads(done.stdout)["worst"]["command"]
     assert again == f"flightbed run FOLDER/scenario.toml --set seed={seed} --use mine.py:make"
     assert again in (tmp_path / "c" / "report.html").read_text()
-    shown = call(*(word for word in command if word != "--json"), cwd=tmp_path)
+    with campaigns_in_this_process():
+        shown = call(*(word for word in command if word != "--json"), cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
     assert f"worst flight: {again.replace('FOLDER', 'c')}\n" in shown.stdout
     refused = call("campaign", "elevator-loss", "--runs", "2", *keys, cwd=tmp_path)

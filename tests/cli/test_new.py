@@ -15,7 +15,7 @@ from flightbed.core import data
 from flightbed.scenario.reading import load_scenario
 from flightbed.scenario.schema import scenario_schema
 from flightbed.scenario.template import template
-from tests.command_line import assert_one_clear_line, flightbed
+from tests.command_line import assert_one_clear_line, call, flightbed
 
 FAMILIES = ("commands", "failures", "gusts", "laws", "estimators")
 KINDS = [kind for family in FAMILIES for kind in families.built_in(family)]
@@ -63,7 +63,7 @@ def test_the_command_writes_a_file_that_names_the_shipped_schema_and_flies(tmp_p
     text = (tmp_path / "mine.toml").read_text()
     (address,) = re.findall(r"^#:schema file://(.*)$", text, flags=re.MULTILINE)
     assert Path(address) == data.shipped("scenario") / "schema" / "scenario.json"
-    flown = flightbed(
+    flown = call(
         "run", "mine.toml", "--set", "duration_s=5", "--rerun", "off", "--report", "off", "--json", cwd=tmp_path
     )
     assert json.loads(flown.stdout)["scenario"] == "mine"
@@ -72,7 +72,7 @@ def test_the_command_writes_a_file_that_names_the_shipped_schema_and_flies(tmp_p
 def test_an_existing_file_is_not_replaced(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text("kept")
-    refused = flightbed("new", "other", "-o", "mine.toml", cwd=tmp_path)
+    refused = call("new", "other", "-o", "mine.toml", cwd=tmp_path)
     assert refused.returncode == 2
     assert refused.stderr == "flightbed: -o mine.toml: exists; give another file\n"
     assert file.read_text() == "kept"

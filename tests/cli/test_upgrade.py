@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from flightbed.core import data
-from tests.command_line import flightbed
+from tests.command_line import call, flightbed
 from tests.scenario.test_version_0_1 import FOLDER, HAND_WRITTEN
 
 
@@ -24,7 +24,7 @@ def test_a_file_is_rewritten_once_and_what_was_removed_is_printed(tmp_path: Path
     )
     once = file.read_text()
     assert "# a comment between" in once
-    assert flightbed("upgrade", "mine.toml", cwd=tmp_path).stdout == "mine.toml: nothing to change\n"
+    assert call("upgrade", "mine.toml", cwd=tmp_path).stdout == "mine.toml: nothing to change\n"
     assert file.read_text() == once
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
 
@@ -33,7 +33,7 @@ def test_a_resolved_file_becomes_short(tmp_path: Path) -> None:
     file = tmp_path / "scenario.toml"
     shutil.copy(FOLDER / "elevator-loss.toml", file)
     before = len(file.read_text().splitlines())
-    assert flightbed("upgrade", "scenario.toml", cwd=tmp_path).returncode == 0
+    assert call("upgrade", "scenario.toml", cwd=tmp_path).returncode == 0
     assert len(file.read_text().splitlines()) < 0.6 * before
 
 
@@ -46,7 +46,7 @@ def test_a_shipped_file_has_nothing_to_change(tmp_path: Path, kind: str) -> None
     }[kind]
     file = tmp_path / shipped.name
     shutil.copy(shipped, file)
-    done = flightbed("upgrade", file.name, cwd=tmp_path)
+    done = call("upgrade", file.name, cwd=tmp_path)
     assert done.stdout == f"{file.name}: nothing to change\n", done.stderr
     assert file.read_bytes() == shipped.read_bytes()
 
@@ -63,7 +63,7 @@ def test_a_shipped_file_has_nothing_to_change(tmp_path: Path, kind: str) -> None
 def test_an_invalid_file_is_refused_and_stays_as_it_is(tmp_path: Path, name: str, text: str, message: str) -> None:
     file = tmp_path / name
     file.write_text(text)
-    done = flightbed("upgrade", name, cwd=tmp_path)
+    done = call("upgrade", name, cwd=tmp_path)
     assert done.returncode == 2
     assert message in done.stderr
     assert all(line.startswith("flightbed: ") for line in done.stderr.splitlines())
@@ -73,6 +73,6 @@ def test_an_invalid_file_is_refused_and_stays_as_it_is(tmp_path: Path, name: str
 
 
 def test_a_file_that_does_not_exist_is_refused(tmp_path: Path) -> None:
-    done = flightbed("upgrade", "none.toml", cwd=tmp_path)
+    done = call("upgrade", "none.toml", cwd=tmp_path)
     assert done.returncode == 2
     assert "none.toml: cannot be read" in done.stderr

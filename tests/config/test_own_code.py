@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flightbed
@@ -460,8 +460,22 @@ _SCALARS = st.one_of(st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(
 _VALUES = st.recursive(_SCALARS, lambda inner: st.lists(inner, max_size=3), max_leaves=5)
 
 
-@given(st.dictionaries(st.text(min_size=1, max_size=9), _VALUES, max_size=4))
+_OPTIONS = st.dictionaries(st.text(min_size=1, max_size=9), _VALUES, max_size=4)
+
+
+@settings(max_examples=40)
+@given(_OPTIONS)
 def test_options_survive_a_round_trip(options: dict[str, Any]) -> None:
+    _assert_it_survives(options)
+
+
+@pytest.mark.long
+@given(_OPTIONS)
+def test_many_options_survive_a_round_trip(options: dict[str, Any]) -> None:
+    _assert_it_survives(options)
+
+
+def _assert_it_survives(options: dict[str, Any]) -> None:
     table = {
         "schema": 1,
         "name": "x",

@@ -232,7 +232,7 @@ def test_no_extra_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_dask_cluster_that_loses_a_worker_gives_the_same_table(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     with dask_cluster.scheduler(tmp_path) as address:
-        command = ["campaign", "elevator-loss", "--runs", "60", *LONGER, "--out", "x", "--scheduler", address]
+        command = ["campaign", "elevator-loss", "--runs", "40", *LONGER, "--out", "x", "--scheduler", address]
         done = flightbed(*command, cwd=tmp_path)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
         assert f"--scheduler {address}: has no workers; start some, dask worker {address}\n" in done.stderr
@@ -245,6 +245,6 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_table(tmp_path: Path)
             stdout, stderr = campaign.communicate(timeout=120)
             assert campaign.returncode == 0, stderr
             assert stderr == ""
-            assert "60 flights in" in stdout
-    whole = campaigns.fly(load_programme("elevator-loss", LONGER[1::2], 60))
+            assert "40 flights in" in stdout
+    whole = campaigns.fly(load_programme("elevator-loss", LONGER[1::2], 40))
     assert pq.read_table(tmp_path / "x" / "table.parquet").to_pylist() == whole.rows

@@ -74,7 +74,10 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         return _pages(tmp_path_factory.mktemp("pages"))
 
 
-@pytest.mark.parametrize(("kind", "figures"), [("run", 7), ("departed", 7), ("campaign", 7), ("comparison", 1)])
+@pytest.mark.parametrize(
+    ("kind", "figures"),
+    [("run", 7), pytest.param("departed", 7, marks=pytest.mark.long), ("campaign", 7), ("comparison", 1)],
+)
 def test_a_page_is_shown_whole(pages: dict[str, Path], kind: str, figures: int, tmp_path: Path) -> None:
     probe = tmp_path / "probe.html"
     probe.write_text(_PROBE.replace("PAGE", pages[kind].as_uri()))

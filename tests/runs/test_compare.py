@@ -22,7 +22,7 @@ from flightbed.runs.run import run
 from flightbed.scenario.reading import load_scenario
 from flightbed.telemetry import viewer
 from tests.command_line import assert_one_clear_line, call, flightbed
-from tests.lateral_flight import rolling
+from tests.lateral_flight import SOON, rolling
 from tests.telemetry.reading import series
 from tests.telemetry.viewers import needs_viewer
 
@@ -32,7 +32,7 @@ NAMES = ("nominal", "elevator-loss", "elevator-loss-fixed")
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     root = tmp_path_factory.mktemp("runs")
-    return [run(load_scenario(name), root / name, rerun=False).folder or root for name in NAMES]
+    return [run(load_scenario(name), root / name, rerun=False, report=False).folder or root for name in NAMES]
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def test_runs_of_other_rates_and_lengths_keep_their_own_truth(tmp_path: Path) ->
     fast = ["duration_s=6", "failures.0.at_s=4.5"]
     slow = ["duration_s=12", "failures.0.at_s=9", "rates.control_hz=50", "rates.plant_hz=200"]
     for name, keys in (("fast", fast), ("slow", slow)):
-        run(load_scenario("elevator-loss", keys), tmp_path / name, rerun=False)
+        run(load_scenario("elevator-loss", keys), tmp_path / name, rerun=False, report=False)
     done = call("compare", "fast", "slow", "--out", "both", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for entity in ("K_true/1_fast", "K_true/2_slow", "1_fast", "2_slow"):
@@ -100,9 +100,9 @@ def test_runs_of_other_rates_and_lengths_keep_their_own_truth(tmp_path: Path) ->
 
 def test_failures_that_no_run_reached_are_not_marked(tmp_path: Path) -> None:
     late = ["failures.1.kind=effectiveness", "failures.1.at_s=35", "failures.1.to=0.1", "duration_s=40"]
-    result = run(load_scenario("elevator-loss-fixed", late), tmp_path / "departs", rerun=False)
+    result = run(load_scenario("elevator-loss-fixed", late), tmp_path / "departs", rerun=False, report=False)
     assert result.summary.metrics.departed
-    run(load_scenario("nominal", ["duration_s=1"]), tmp_path / "nominal", rerun=False)
+    run(load_scenario("nominal", ["duration_s=1"]), tmp_path / "nominal", rerun=False, report=False)
     departs, _ = comparison.load_runs([tmp_path / "departs", tmp_path / "nominal"])
     assert departs.failures_s == (4.5,)
 
@@ -139,7 +139,7 @@ def test_settings_that_differ_and_only_those(runs: tuple[comparison.Run, ...]) -
 def test_labels_tell_runs_apart(tmp_path: Path) -> None:
     scenario = load_scenario("nominal", ["duration_s=0.2"])
     for place in ("a/one", "a/two", "b/one"):
-        run(scenario, tmp_path / place, rerun=False)
+        run(scenario, tmp_path / place, rerun=False, report=False)
     labels = [r.label for r in comparison.load_runs([tmp_path / "a/one", tmp_path / "a/two"])]
     assert labels == ["one", "two"]
     places = [tmp_path / "a/one", tmp_path / "b/one"]
@@ -148,8 +148,8 @@ def test_labels_tell_runs_apart(tmp_path: Path) -> None:
 
 def test_runs_without_estimators_and_of_other_aircraft_are_compared(tmp_path: Path) -> None:
     bare = ["duration_s=1", "estimators=[]", "adaptation.enabled=false"]
-    run(load_scenario("nominal", bare), tmp_path / "bare", rerun=False)
-    run(load_scenario("thesis-loss", ["duration_s=5"]), tmp_path / "linear", rerun=False)
+    run(load_scenario("nominal", bare), tmp_path / "bare", rerun=False, report=False)
+    run(load_scenario("thesis-loss", ["duration_s=5"]), tmp_path / "linear", rerun=False, report=False)
     read = comparison.load_runs([tmp_path / "bare", tmp_path / "linear"])
     assert read[0].estimator is None
     assert "Compared" in render(comparison_report(read))
@@ -263,21 +263,22 @@ def test_the_viewer_shows_it_without_complaint(compared: tuple[Path, str]) -> No
 
 def test_runs_with_roll_and_yaw_are_compared_with_one_without(tmp_path: Path) -> None:
     """Tracking of p and beta, K of each surface against its own truth; no such values for the run without roll and yaw."""
-    run(rolling(), tmp_path / "oracle", rerun=False)
-    run(rolling(["adaptation.enabled=false", "failures.1.to=0.7"]), tmp_path / "fixed", rerun=False)
-    run(load_scenario("nominal", ["duration_s=5"]), tmp_path / "pitch", rerun=False)
+    fixed = [*SOON, "adaptation.enabled=false", "failures.1.to=0.7"]
+    run(rolling(SOON), tmp_path / "oracle", rerun=False, report=False)
+    run(rolling(fixed), tmp_path / "fixed", rerun=False, report=False)
+    run(load_scenario("nominal", ["duration_s=3"]), tmp_path / "pitch", rerun=False, report=False)
     done = call("compare", "oracle", "fixed", "pitch", "--out", "all", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     read = comparison.load_runs([tmp_path / name for name in ("oracle", "fixed", "pitch")])
     assert [r.lateral for r in read] == [True, True, False]
     rms = comparison.tracking(read)
     assert [text for text in rms if " of " in text] == [
-        "RMS of p before 4 s, deg/s", "RMS of p from 4.3 s, deg/s", "RMS of beta before 4 s, deg", "RMS of beta from 4.3 s, deg",
+        "RMS of p before 1 s, deg/s", "RMS of p from 1.3 s, deg/s", "RMS of beta before 1 s, deg", "RMS of beta from 1.3 s, deg",
     ]  # fmt: skip
-    assert rms["RMS of p from 4.3 s, deg/s"][0] == pytest.approx(
+    assert rms["RMS of p from 1.3 s, deg/s"][0] == pytest.approx(
         read[0].summary.metrics.tracking_rms_post_p_deg_s, rel=1e-12
     )
-    assert rms["RMS of p from 4.3 s, deg/s"][2] is None
+    assert rms["RMS of p from 1.3 s, deg/s"][2] is None
     assert not [text for text in comparison.tracking(read[2:] * 2) if " of " in text]
     table = comparison.metrics_table(read)
     assert ["surfaces.aileron", "", "", ""] in table.rows

@@ -371,7 +371,7 @@ def test_a_failed_write_leaves_the_old_run(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_runs_that_end_at_once_take_a_folder_each(tmp_path: Path) -> None:
-    """Three processes, one name: three complete folders, none overwritten."""
+    """Two processes, one name: two complete folders, none overwritten."""
     code = (
         "import sys, flightbed\n"
         "s = flightbed.load_scenario('nominal', ['duration_s=0.2', 'seed=' + sys.argv[1]])\n"
@@ -379,12 +379,12 @@ def test_runs_that_end_at_once_take_a_folder_each(tmp_path: Path) -> None:
     )
     started = [
         subprocess.Popen([sys.executable, "-c", code, str(seed)], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
-        for seed in range(3)
+        for seed in range(2)
     ]
     folders = {process.communicate(timeout=120)[0].strip() for process in started}
-    assert folders == {"runs/nominal", "runs/nominal-2", "runs/nominal-3"}
+    assert folders == {"runs/nominal", "runs/nominal-2"}
     seeds = {json.loads((tmp_path / f / "metrics.json").read_text())["seed"] for f in folders}
-    assert seeds == {0, 1, 2}
+    assert seeds == {0, 1}
     assert sorted(p.name for p in (tmp_path / "runs").iterdir()) == sorted(Path(f).name for f in folders)
 
 

@@ -178,9 +178,10 @@ def _from_flights(programme: Programme, point: int, column: str) -> list[Vector]
     return [fly_one(scenario_of(programme.raw, programme.flight(i))).trace[column] for i in indices]
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_the_folder_holds_the_histories_of_every_point(tmp_path: Path) -> None:
     programme = _grid(tmp_path)
-    flown, folder = campaigns.run(programme, tmp_path / "x", workers=2)
+    flown, folder = campaigns.run(programme, tmp_path / "x", workers=1)
     assert flown is not None
     table = pq.read_table(folder / "histories.parquet")
     assert table.schema.field("q_deg_s.p95").metadata == {b"unit": b"deg/s"}

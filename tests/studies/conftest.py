@@ -14,7 +14,7 @@ from flightbed.studies.sillence import printed, setup, tables
 from flightbed.studies.sillence.claims import claims
 from flightbed.studies.sillence.figures import figures
 
-FEW, MANY = (20, 10), (60, 25)  # noise draws of the claims and of the search, seeds from 0 on
+FEW, MANY = (12, 10), (60, 25)  # noise draws of the claims and of the search, seeds from 0 on
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ import json
 import re
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from importlib.util import module_from_spec, spec_from_file_location
 from math import inf, isnan
@@ -20,23 +22,27 @@ import pytest
 from scipy.stats import binomtest
 
 from flightbed.analysis.seeds import Job, fly_jobs
+from flightbed.avionics.schedule import Schedule
 from flightbed.cli import main as cli
 from flightbed.config import families
 from flightbed.document.document import Document, show
+from flightbed.flight import plan as planning
 from flightbed.scenario.estimates import detectors
 from flightbed.studies.base import Trials, reproduce, run_trials
 from flightbed.studies.estimators import choice, measures, tables
-from flightbed.studies.estimators.comparison import Comparison, Key
+from flightbed.studies.estimators.comparison import CORRECTED, Comparison, Key
 from flightbed.studies.estimators.entrants import CHANGED, ENTRANTS, FIXED, HEALTHY, TRUE_K
 from flightbed.studies.estimators.flights import FLIGHTS, Course
 from flightbed.studies.estimators.measures import Corrected, Estimates, Healthy, Results, measured
 from flightbed.studies.estimators.study import SECTIONS, study
+from flightbed.testing import check as contract
 from tests.command_line import assert_one_clear_line
+from tests.flights import studies_in_this_process
 from tests.studies.short_comparison import SHORT
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE, README = ROOT / "docs" / "estimators.md", ROOT / "README.md"
-QUICK = Comparison(course=Course(("duration_s=6.5",)), rounds=1)
+QUICK = Comparison(course=Course(("duration_s=6",)), rounds=1)
 
 
 @pytest.fixture(scope="module")
@@ -51,13 +57,21 @@ def tool() -> Any:
     return module
 
 
-def _fly(compared: Comparison, runs: int = 1) -> Results:
-    """Fly a comparison here and now."""
+def _fly(compared: Comparison, runs: int = 1, correcting: set[str] | None = None) -> Results:
+    """Fly a comparison here and now; after its first flight only the estimators that are given correct the law."""
     unfit = compared.unfit()
     jobs = compared.jobs(runs, unfit)
     flights = {key: job for key, job in jobs.items() if isinstance(job, Job)}
     trials = {key: job for key, job in jobs.items() if isinstance(job, Trials)}
-    found: dict[Key, list[Any]] = dict(zip(flights, fly_jobs(list(flights.values())), strict=True))
+    first = compared.flights[0].name
+    skipped = {
+        key
+        for key in flights
+        if key[0] == CORRECTED and key[1] != first and key[2] not in (correcting or {key[2]}) | {FIXED, TRUE_K}
+    }
+    flown = [key for key in flights if key not in skipped]
+    found: dict[Key, list[Any]] = dict(zip(flown, fly_jobs([flights[key] for key in flown]), strict=True))
+    found |= {key: found[CORRECTED, key[1], FIXED] for key in skipped}
     tried = run_trials(list(trials.values()), executor=None, progress=lambda _: None)
     return measured(compared, runs, unfit, {**found, **dict(zip(trials, tried, strict=True))})
 
@@ -66,10 +80,31 @@ def _document(results: Results) -> Document:
     return Document("", [section(results) for section in SECTIONS], {"runs_of_each_case": results.runs})
 
 
-@pytest.fixture(scope="module")
-def smoke() -> Results:
-    """The whole set, flown once, each flight cut short."""
-    return _fly(QUICK)
+@contextmanager
+def _schedules_once() -> Iterator[None]:
+    """Tabulate each condition once; every estimator that a flight may have is planned for itself."""
+    load, known = planning.load_schedule, dict[Any, Schedule]()
+
+    def once(airframe: Any, *, throttle: float, fingerprint: Any, standard: Any) -> Schedule:
+        key = (airframe.mach, airframe.altitude_m, throttle, fingerprint)
+        if key not in known:
+            known[key] = load(airframe, throttle=throttle, fingerprint=fingerprint, standard=standard)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planning, "load_schedule", once)
+        yield
+
+
+@pytest.fixture(scope="module", params=["few", pytest.param("all", marks=pytest.mark.long)])
+def smoke(request: pytest.FixtureRequest) -> Results:
+    """The whole set, flown once, each flight cut short. Few: in all flights all estimators in parallel, and two correct the law.
+
+    The first flight is whole; in the others the place of a flight that another estimator corrects has the one without correction.
+    """
+    correcting = {"scheduled", "input-kalman"} if request.param == "few" else {e.name for e in ENTRANTS}
+    with _schedules_once():
+        return _fly(QUICK, correcting=correcting)
 
 
 def _skeleton(text: str) -> list[tuple[list[str], list[str]]]:
@@ -373,25 +408,33 @@ class Broken:
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working directory with mine.py in it, and the study over one short flight."""
+    """A working directory with mine.py in it, and the study over one short flight; the contract is checked over less time."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(contract, "_LONG", 200)
+    monkeypatch.setattr(contract, "_INTERVAL", 100)
     monkeypatch.setitem(families._BUILT_IN["studies"], "estimators", "tests.studies.short_comparison:estimators")
     (tmp_path / "mine.py").write_text(OWN)
     return tmp_path
 
 
-def _call(*arguments: str) -> int:
+def _call(*arguments: str, workers: str = "") -> int:
+    """Run the command, with its workers if there are any, else in this process."""
     before = signal.getsignal(signal.SIGTERM)
     try:
-        with pytest.raises(SystemExit) as ended:
-            cli.main(["reproduce", "estimators", "--runs", "1", *arguments])
+        with (
+            nullcontext() if workers else studies_in_this_process(),
+            pytest.raises(SystemExit) as ended,
+        ):
+            cli.main(
+                ["reproduce", "estimators", "--runs", "1", *arguments, *(["--workers", workers] if workers else [])]
+            )
     finally:
         signal.signal(signal.SIGTERM, before)
     return int(str(ended.value.code))
 
 
-def _reproduced(capsys: pytest.CaptureFixture[str], *arguments: str, workers: str = "1") -> dict[str, Any]:
-    assert _call(*arguments, "--workers", workers, "--json") == 0
+def _reproduced(capsys: pytest.CaptureFixture[str], *arguments: str, workers: str = "") -> dict[str, Any]:
+    assert _call(*arguments, "--json", workers=workers) == 0
     output: dict[str, Any] = json.loads(capsys.readouterr().out)
     return output
 
@@ -412,8 +455,8 @@ def test_an_estimator_of_the_users_own_is_a_row_like_the_others(here: Path, caps
     assert "mine.py:Mine" in assumed["settings"]
     assert output["again"] == "flightbed reproduce estimators --runs 1 --use mine.py:Mine --settings mine.toml"
     assert list(output["extensions"]) == ["mine.py:Mine"]
-    two = _reproduced(capsys, "--use", "mine.py:Mine", "--settings", "mine.toml", workers="2")
-    assert two["tables"][FLIGHTS[0].name] == output["tables"][FLIGHTS[0].name]  # it is carried to other processes
+    other = _reproduced(capsys, "--use", "mine.py:Mine", "--settings", "mine.toml", workers="1")
+    assert other["tables"][FLIGHTS[0].name] == output["tables"][FLIGHTS[0].name]  # it is carried to another process
     without = json.loads(json.dumps(reproduce(study(SHORT), 1).to_dict()))
     assert "extensions" not in without
     for flight in (FLIGHTS[0].name, "alarms"):

@@ -1,4 +1,4 @@
-"""Gupta et al. (2012): the examples from 20 initial states and phases, the plants by hand, the claims, the whole study."""
+"""Gupta et al. (2012): the examples from 12 or 20 initial states and phases, the plants by hand, the claims, the whole study."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flightbed.studies.gupta.rivals import FORGETTING, HARMONIC, OBSERVER, OFF, 
 from flightbed.studies.gupta.study import gupta
 from flightbed.studies.gupta.trials import EXAMPLES, WITHIN, RunMeasures, as_printed, forgetful, measure, models
 
-RUNS = 20
+FEW, MANY = 12, 20
 RIGID, DAMPED, NEAR, FAR, MISSILE = EXAMPLES
 CONTRARY = {
     "kalman_nonminimum_phase", "damping_large", "input_4_near_printed", "equivalent_4_near_printed", "input_4_near_forgetting",
@@ -26,10 +26,17 @@ CONTRARY = {
 }  # fmt: skip
 
 
+@pytest.fixture(scope="module", params=[FEW, pytest.param(MANY, marks=pytest.mark.long)])
+def runs(request: pytest.FixtureRequest) -> int:
+    """Number of initial states and phases."""
+    found: int = request.param
+    return found
+
+
 @pytest.fixture(scope="module")
-def judged() -> tuple[dict[str, Claim], dict[str, list[RunMeasures]]]:
-    """The claims of 20 initial states and phases, and the runs behind them."""
-    part = claims(RUNS)
+def judged(runs: int) -> tuple[dict[str, Claim], dict[str, list[RunMeasures]]]:
+    """The claims, and the runs behind them."""
+    part = claims(runs)
     results = run_trials(part.jobs, executor=None, progress=lambda _: None)
     found = {item.key: item for item in part.build(results).items if isinstance(item, Claim)}
     return found, dict(zip(cases(), results, strict=False))
@@ -37,11 +44,11 @@ def judged() -> tuple[dict[str, Claim], dict[str, list[RunMeasures]]]:
 
 @pytest.mark.parametrize("name", [RIGID, DAMPED, MISSILE])
 def test_the_input_is_reconstructed_from_every_initial_state(
-    judged: tuple[object, dict[str, list[RunMeasures]]], name: str
+    judged: tuple[object, dict[str, list[RunMeasures]]], runs: int, name: str
 ) -> None:
     """Examples 1, 2 and 5 with the printed settings; example 1, unstable with a zero at -1, with constant regularization."""
     made = judged[1][name]
-    assert len(made) == RUNS
+    assert len(made) == runs
     assert max(m.error for m in made) < WITHIN
     assert max(m.state_error for m in made) < WITHIN
     assert all(m.converged_at is not None for m in made)
@@ -66,9 +73,9 @@ def test_example_4_reconstructs_the_equivalent_input(
     assert min(m.equivalent_error for m in judged[1][name]) > 5.0 * WITHIN
 
 
-def test_example_3_finds_the_damping(judged: tuple[object, dict[str, list[RunMeasures]]]) -> None:
+def test_example_3_finds_the_damping(judged: tuple[object, dict[str, list[RunMeasures]]], runs: int) -> None:
     made = judged[1]["damping, coarse"]
-    assert len(made) == RUNS
+    assert len(made) == runs
     off = np.array([m.damping for m in made]) / printed.DAMPING - 1.0
     assert np.max(np.abs(off)) < 0.02
     np.testing.assert_allclose([m.damping for m in made], plants.damping_limit(0.1), rtol=1e-4)
@@ -83,11 +90,11 @@ def test_the_limit_of_the_damping_is_the_damping_for_short_periods() -> None:
     assert plants.damping_limit(0.1, damping=3.0) == pytest.approx(3.0, rel=1e-9)  # no damping error
 
 
-def test_claims(judged: tuple[dict[str, Claim], object]) -> None:
+def test_claims(judged: tuple[dict[str, Claim], object], runs: int) -> None:
     found = judged[0]
     assert {key for key, claim in found.items() if claim.holds is False} == CONTRARY
     assert all(claim.holds is not None for claim in found.values())
-    assert all(claim.interval.runs == RUNS for claim in found.values())
+    assert all(claim.interval.runs == runs for claim in found.values())
 
 
 def test_rigid_bodies_by_hand() -> None:

@@ -15,7 +15,7 @@ from flightbed.document.html import render
 from flightbed.statistics.intervals import Interval, share
 from flightbed.studies.base import reproduce
 from flightbed.studies.kemp import adaptive, identification, methods, plants, printed, tracking
-from flightbed.studies.kemp.identification import FIGURE_END, LONG, MARKS, TOLERATED, relative_bias
+from flightbed.studies.kemp.identification import EARLY, FIGURE_END, LONG, MARKS, TOLERATED, relative_bias
 from flightbed.studies.kemp.methods import PLID, RLS, RML
 from flightbed.studies.kemp.study import kemp
 from flightbed.studies.kemp.trials import (
@@ -30,6 +30,7 @@ from flightbed.studies.kemp.trials import (
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "kemp.toml").read_text())
 DRAWS = 100
+FEW = 40  # of the tests that identify for 5000 samples; the long suite has all
 
 
 def _upper(roots: np.ndarray) -> list[complex]:
@@ -86,7 +87,7 @@ def _run(seed: int, plant: str, case: int, method: str) -> IdentificationRun:
     return identify(seed, plant, case, method, MARKS[plant])
 
 
-def _runs(plant: str, case: int, method: str, draws: int = DRAWS) -> list[IdentificationRun]:
+def _runs(plant: str, case: int, method: str, draws: int) -> list[IdentificationRun]:
     """Return runs with the seeds from 0 on; each run is simulated once."""
     return [_run(seed, plant, case, method) for seed in range(draws)]
 
@@ -95,24 +96,29 @@ def _within(interval: Interval, limit: float) -> bool:
     return -limit < interval.low and interval.high < limit
 
 
+IDENTIFIED = pytest.mark.parametrize("draws", [FEW, pytest.param(DRAWS, marks=pytest.mark.long)])
+
+
+@IDENTIFIED
 @pytest.mark.parametrize("plant", ["A", "C"])
-def test_plid_is_unbiased_in_process_noise_and_biased_in_measurement_noise(plant: str) -> None:
+def test_plid_is_unbiased_in_process_noise_and_biased_in_measurement_noise(plant: str, draws: int) -> None:
     for case in (4, 5):
-        assert _within(relative_bias(_runs(plant, case, PLID), plant, LONG), TOLERATED)
-    moderate, low = (relative_bias(_runs(plant, case, PLID), plant, LONG) for case in (3, 2))
+        assert _within(relative_bias(_runs(plant, case, PLID, draws), plant, LONG), TOLERATED)
+    moderate, low = (relative_bias(_runs(plant, case, PLID, draws), plant, LONG) for case in (3, 2))
     assert moderate.high < -TOLERATED  # the whole interval
     assert moderate.high < low.low  # more noise, more bias
 
 
-def test_rml_is_unbiased_in_measurement_noise_and_slow_in_process_noise() -> None:
+@IDENTIFIED
+def test_rml_is_unbiased_in_measurement_noise_and_slow_in_process_noise(draws: int) -> None:
     """RML is not biased permanently, contrary to the thesis: in process noise C = 1 is the true model, and the error keeps falling."""
-    assert _within(relative_bias(_runs("C", 3, RML), "C", LONG), TOLERATED)
-    runs = _runs("A", 5, RML)
+    assert _within(relative_bias(_runs("C", 3, RML, draws), "C", LONG), TOLERATED)
+    runs = _runs("A", 5, RML, draws)
     assert relative_bias(runs, "A", FIGURE_END).high < -TOLERATED
     early, late = (np.median([np.linalg.norm(r.errors[MARKS["A"].index(m)]) for r in runs]) for m in (FIGURE_END, LONG))
     assert late < 0.7 * early
     for plant in ("A", "C"):
-        assert _within(relative_bias(_runs(plant, 5, RLS), plant, LONG), TOLERATED)
+        assert _within(relative_bias(_runs(plant, 5, RLS, draws), plant, LONG), TOLERATED)
 
 
 def test_process_noise_reaches_the_output_as_white_noise() -> None:
@@ -161,7 +167,8 @@ def test_the_bias_in_measurement_noise_is_the_one_that_theory_has_for_least_squa
 def test_rml_takes_longer_than_plid() -> None:
     for plant, case in (("A", 1), ("A", 3), ("A", 5), ("C", 5)):
         ours, theirs = (
-            np.array([np.linalg.norm(r.errors[2]) for r in _runs(plant, case, method, 60)]) for method in (PLID, RML)
+            np.array([np.linalg.norm(identify(seed, plant, case, method, (EARLY,)).errors[0]) for seed in range(60)])
+            for method in (PLID, RML)
         )
         quicker = share(int(np.sum(ours < theirs)), len(ours))
         assert quicker.low > 0.5, (plant, case, quicker)
@@ -213,11 +220,12 @@ def test_case_1_is_stable_through_both_changes_where_fixed_gains_diverge() -> No
         assert np.max(np.abs(fixed.output[150:])) > 1e6
 
 
+@pytest.mark.parametrize("draws", [60, pytest.param(DRAWS, marks=pytest.mark.long)])
 @pytest.mark.parametrize("case", [2, 3, 4, 5])
-def test_in_noise_the_guarded_loop_is_regained_and_that_of_the_thesis_not_always(case: int) -> None:
+def test_in_noise_the_guarded_loop_is_regained_and_that_of_the_thesis_not_always(case: int, draws: int) -> None:
     loops = adaptive.controllers(case)
     kept = {
-        name: share(sum(adaptive.is_regained(control(seed, case, loops[name])) for seed in range(DRAWS)), DRAWS)
+        name: share(sum(adaptive.is_regained(control(seed, case, loops[name])) for seed in range(draws)), draws)
         for name in (adaptive.ADAPTIVE, adaptive.GUARDED, adaptive.PLACED)
     }
     print(kept)
@@ -241,9 +249,16 @@ def test_constant_destabilizing_gains_lose_the_loop() -> None:
     assert lost >= 3
 
 
-@pytest.fixture(scope="module")
-def document() -> Document:
-    return reproduce(kemp(), 6)
+@pytest.fixture(scope="module", params=["short", pytest.param("whole", marks=pytest.mark.long)])
+def document(request: pytest.FixtureRequest) -> Document:
+    """The study of six draws; in the short one its long runs have 1000 and 2000 samples instead of 5000 and 20000."""
+    if request.param == "whole":
+        return reproduce(kemp(), 6)
+    marks = {plant: tuple(min(at, 1000) for at in marks) for plant, marks in MARKS.items()}
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in (("LONG", 1000), ("VERY_LONG", 2000), ("MARKS", marks)):
+            patch.setattr(identification, name, value)
+        return reproduce(kemp(), 6)
 
 
 def test_the_report_is_whole(document: Document) -> None:

@@ -19,7 +19,8 @@ from flightbed.config import families
 from flightbed.document.document import Section
 from flightbed.studies.base import Part, Results, Study, Trials, distinct_jobs, reproduce
 from tests.campaigns.test_journal import workers_of
-from tests.command_line import COMMAND, assert_one_clear_line, flightbed, heed_interrupts
+from tests.command_line import COMMAND, assert_one_clear_line, call, heed_interrupts
+from tests.flights import studies_in_this_process
 from tests.studies.tiny import tiny
 
 
@@ -94,15 +95,17 @@ def test_json_is_alone_on_stdout_and_the_folder_is_whole(capsys: pytest.CaptureF
     assert result == json.loads((tmp_path / "studies/tiny/results.json").read_text())
     assert result["again"] == "flightbed reproduce tiny --runs 2"
     assert result["tables"]["first"][0]["final"]["runs"] == 2
-    assert _call("reproduce", "tiny", "--workers", "1", "--runs", "1") == 0
+    with studies_in_this_process():
+        assert _call("reproduce", "tiny", "--workers", "1", "--runs", "1") == 0
     shown = capsys.readouterr().out
     assert "A tiny study" in shown
     assert "written to studies/tiny-2" in shown
 
 
 def test_an_earlier_study_is_replaced_and_nothing_else_is(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    for _ in range(2):
-        assert _call("reproduce", "tiny", "--workers", "1", "--runs", "1", "--out", "x") == 0
+    with studies_in_this_process():
+        for _ in range(2):
+            assert _call("reproduce", "tiny", "--workers", "1", "--runs", "1", "--out", "x") == 0
     (tmp_path / "x" / "mine.txt").write_text("keep")
     capsys.readouterr()
     assert _call("reproduce", "tiny", "--workers", "1", "--runs", "1", "--out", "x") == 2
@@ -132,8 +135,9 @@ def test_bad_input_is_one_clear_line(tmp_path: Path, arguments: list[str], messa
     assert_one_clear_line(arguments, 2, message, cwd=tmp_path)
 
 
-def test_studies_are_listed(tmp_path: Path) -> None:
-    listed = flightbed("list", "studies", cwd=tmp_path).stdout.splitlines()
+def test_studies_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(families._BUILT_IN["studies"], "tiny")
+    listed = call("list", "studies", cwd=tmp_path).stdout.splitlines()
     assert [line.split()[0] for line in listed if not line.startswith(" ")] == [
         "estimators", "gupta", "kemp", "sillence", "wu",
     ]  # fmt: skip

@@ -74,7 +74,7 @@ def _near(pixels: np.ndarray, color: str, reach: int = 30) -> int:
 
 def _paint(client: Any) -> None:
     for _ in range(2):
-        time.sleep(0.5)
+        time.sleep(0.3)
         client.take_screenshot()
 
 
@@ -142,7 +142,8 @@ def test_an_unknown_tab_is_refused(client: Any) -> None:
         viewer.show_tab(client, "scheduled")
 
 
-def test_a_picture_is_written_whole(recording: Path, tmp_path: Path) -> None:
+def test_a_picture_is_written_whole(recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(viewer, "_SETTLING_S", 0.5)  # by then it is drawn; notifications may still be there
     viewer.picture(recording, tmp_path / "shot.png", at_s=9.0, tab="airframe")
     pixels = _pixels((tmp_path / "shot.png").read_bytes())
     assert pixels.shape == (1080, 1920, 3)
