@@ -60,7 +60,7 @@ def test_crossed_axes_give_every_combination_the_last_fastest(tmp_path: Path) ->
 def test_a_base_bound_to_an_equal_aircraft_is_bound_to_the_one_that_flies(
     tmp_path: Path, kind: str, f16: Aircraft
 ) -> None:
-    (earlier,) = f16.equal_to
+    earlier = f16.equal_to[0]
 
     def load(sha256: str) -> Programme:
         sets = [f"aircraft.sha256='{sha256}'"]
