@@ -55,7 +55,7 @@ else:
 
     _TYPES = MappingProxyType(
         {
-            "array": types.float64[::1], "float": types.float64, "int": types.int64, "bool": types.boolean,
+            "array": types.float64[::1], "matrix": types.float64[:, ::1], "float": types.float64, "int": types.int64, "bool": types.boolean,
             "none": types.none,
         }
     )  # fmt: skip
@@ -64,7 +64,7 @@ else:
         """Return address and call of functions with these arguments and result.
 
         Args:
-            arguments: "array" (flat, contiguous, float64), "float", "int" or "bool", one for each argument.
+            arguments: "array" (flat) or "matrix", both contiguous and float64, "float", "int" or "bool", one for each argument.
             result: the same, or "none".
 
         """

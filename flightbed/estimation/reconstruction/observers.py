@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from flightbed.avionics import pitch_kernels
+from flightbed.core.by_address import by_address
 from flightbed.core.compiled import Array, compiled
 from flightbed.core.records import layout, record, size
 from flightbed.core.units import DEG
@@ -34,10 +35,9 @@ from flightbed.estimation.reconstruction.retrospective_cost import Retrospective
 
 FAR = 1e4  # innovation, in standard deviations, beyond which a method restarts from the readings
 _FOLLOWING_SETTINGS, _ROUGH_SETTINGS, _NUMBERS = 11, 23, 7
-_ADAPTS = True  # a literal argument would be compiled as a function of its own
 HEAD = layout(
     (
-        "states", "is_walk", "order", "horizon", "initial_covariance", "is_scheduled", "dt", "window", "follows",
+        "states", "is_walk", "take", "order", "horizon", "initial_covariance", "is_scheduled", "dt", "window", "follows",
         "sigma_alpha", "sigma_q", "process_alpha", "process_q", "kept",
         "has_actuator", "delay", "share", "mean", "step", "low", "high", "lagged", "position",
         "method", "tick", "is_lost", "has_before", "acting", "slope", "offset",
@@ -48,6 +48,8 @@ _AFTER = size(HEAD)
 
 def pack(values: Mapping[str, float], *arrays: Array) -> Array:
     """Return a memory: the named values of its head, and then the arrays."""
+    method = _take_walk_at if values.get("is_walk", 0.0) > 0.0 else _take_retrospective_at
+    values = {**values, "take": _METHODS.address(method)}
     return np.concatenate([[float(values.get(name, 0.0)) for name in HEAD.names or ()], *(a.ravel() for a in arrays)])
 
 
@@ -152,17 +154,40 @@ def _take_retrospective(
         retained[i, : horizon - i] = 1
     z, _best = retrospective_kernels.take(
         y, (A, B, C), known, (x, theta, P, U, Z, H, As, Bs), (delays, retained, delays + 1, delays),
-        (np.eye(2 * horizon), np.eye(horizon)), numbers, order, retrospective_kernels.CONSTANT, _ADAPTS,
+        (np.eye(2 * horizon), np.eye(horizon)), numbers, order, retrospective_kernels.CONSTANT, retrospective_kernels.ADAPTS,
     )  # fmt: skip
     return U[0, 0], state, z
 
 
 @compiled
+def _take_walk_at(
+    memory: Array, _order: int, _horizon: int, A: Array, B: Array, C: Array, known: Array, y: Array, out: Array
+) -> None:
+    """Write input, state and innovation of ``_take_walk`` into ``out``; called by address."""
+    n = A.shape[0]
+    out[0], out[1 : n + 1], out[n + 1 :] = _take_walk(memory, A, B, C, known, y)
+
+
+@compiled
+def _take_retrospective_at(
+    memory: Array, order: int, horizon: int, A: Array, B: Array, C: Array, known: Array, y: Array, out: Array
+) -> None:
+    """Write input, state and innovation of ``_take_retrospective`` into ``out``; called by address."""
+    n = A.shape[0]
+    out[0], out[1 : n + 1], out[n + 1 :] = _take_retrospective(memory, order, horizon, A, B, C, known, y)
+
+
+_METHODS = by_address(("array", "int", "int", "matrix", "matrix", "matrix", "array", "array", "array"), "none")
+_take_at = _METHODS.call
+
+
+@compiled
 def _take(head: Any, memory: Array, A: Array, B: Array, C: Array, known: Array, y: Array) -> tuple[float, Array, Array]:
     """Return input, state and innovation of the method."""
-    if head.is_walk > 0.0:
-        return _take_walk(memory, A, B, C, known, y)
-    return _take_retrospective(memory, int(head.order), int(head.horizon), A, B, C, known, y)
+    n = A.shape[0]
+    out = np.empty(n + 1 + y.size)
+    _take_at(head.take, memory, int(head.order), int(head.horizon), A, B, C, known, y, out)
+    return out[0], out[1 : n + 1], out[n + 1 :]
 
 
 @compiled

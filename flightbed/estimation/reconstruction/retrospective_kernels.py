@@ -17,6 +17,7 @@ Indices = npt.NDArray[np.int64]
 # Indices into the numbers of ``take``: eta, forgetting, saturation, bound of P, |U* - U-hat|^2 of the last sample, number of samples.
 REGULARIZATION, FORGETTING, LOWEST, HIGHEST, COVARIANCE_BOUND, CHANGE, TICKS = range(7)
 CONSTANT, PERFORMANCE, ERROR = 0, 1, 2  # rules of the regularization, see ``regularization``
+ADAPTS = True  # whether least squares runs; a literal argument would be compiled as a function of its own
 
 
 @compiled
