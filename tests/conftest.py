@@ -51,10 +51,11 @@ def design(f16: Aircraft) -> ShortPeriod:
 
 
 @pytest.fixture(scope="session")
-def shipped_flight(tmp_path_factory: pytest.TempPathFactory) -> ShippedFlight:
+def shipped_flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ShippedFlight:
     """Shipped scenario -> its Result, flown once in a session."""
     base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "shipped-flights"
+    # Not by the environment, which a session inside a test inherits.
+    folder = (base.parent if hasattr(request.config, "workerinput") else base) / "shipped-flights"
     folder.mkdir(exist_ok=True)
     return once(folder)
 
