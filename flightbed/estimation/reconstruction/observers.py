@@ -165,7 +165,7 @@ def _take_walk_at(
 ) -> None:
     """Write input, state and innovation of ``_take_walk`` into ``out``; called by address."""
     n = A.shape[0]
-    out[0], out[1 : n + 1], out[n + 1 :] = _take_walk(memory, A, B, C, known, y)
+    out[_INPUT], out[_STATE : _STATE + n], out[_STATE + n :] = _take_walk(memory, A, B, C, known, y)
 
 
 @compiled
@@ -174,9 +174,12 @@ def _take_retrospective_at(
 ) -> None:
     """Write input, state and innovation of ``_take_retrospective`` into ``out``; called by address."""
     n = A.shape[0]
-    out[0], out[1 : n + 1], out[n + 1 :] = _take_retrospective(memory, order, horizon, A, B, C, known, y)
+    out[_INPUT], out[_STATE : _STATE + n], out[_STATE + n :] = _take_retrospective(
+        memory, order, horizon, A, B, C, known, y
+    )
 
 
+_INPUT, _STATE = 0, 1  # places in ``out``; the innovation follows the state
 _METHODS = by_address(("array", "int", "int", "matrix", "matrix", "matrix", "array", "array", "array"), "none")
 _take_at = _METHODS.call
 
@@ -187,7 +190,7 @@ def _take(head: Any, memory: Array, A: Array, B: Array, C: Array, known: Array, 
     n = A.shape[0]
     out = np.empty(n + 1 + y.size)
     _take_at(head.take, memory, int(head.order), int(head.horizon), A, B, C, known, y, out)
-    return out[0], out[1 : n + 1], out[n + 1 :]
+    return out[_INPUT], out[_STATE : _STATE + n], out[_STATE + n :]
 
 
 @compiled
