@@ -66,21 +66,81 @@ def _invert(R: Array, S: Array) -> None:
 
 
 @compiled
-def _update_covariance(S: Array, m: Array, u: float, std: Array) -> None:
-    """Propagate the square root S (3, 3) of the covariance S S' of (x, K) over a period and add the sample at its end (Potter)."""
-    for j in range(3):
-        alpha, q = S[0, j], S[1, j]
-        S[0, j] = m[0, 0] * alpha + m[0, 1] * q + m[0, 2] * u * S[2, j]
-        S[1, j] = m[1, 0] * alpha + m[1, 1] * q + m[1, 2] * u * S[2, j]
-    for read in range(2):
-        f0, f1, f2 = S[read, 0], S[read, 1], S[read, 2]
-        var = f0 * f0 + f1 * f1 + f2 * f2 + std[read] ** 2
-        share = 1.0 / (var + std[read] * np.sqrt(var))
-        for i in range(3):
-            gain = share * (S[i, 0] * f0 + S[i, 1] * f1 + S[i, 2] * f2)
-            S[i, 0] -= gain * f0
-            S[i, 1] -= gain * f1
-            S[i, 2] -= gain * f2
+def _inform(R: Array, S: Array, models: Array, u: Array, std: Array, at: int, first: int) -> bool:
+    """Add sample ``at`` to the information R; return whether K is observable, and then set S to the square root of the covariance."""
+    if at > first:
+        _propagate_information(R, models[at], u[at])
+    _add_sample(R, std)
+    observable = abs(R[2, 2]) > 1e-9 * np.sqrt(R[0, 2] ** 2 + R[1, 2] ** 2)
+    if observable:
+        _invert(R, S)
+    return bool(observable)
+
+
+@compiled
+def _update_covariances(S: Array, begin: int, end: int, m: Array, u: float, std: Array) -> None:
+    """Propagate square roots S (3, 3, n) of covariances S S' of (x, K) over a period and add the sample at its end (Potter).
+
+    Those from ``begin`` to ``end - 1`` are updated; the processor overlaps their square roots and divisions.
+    """
+    m00, m01, m02u, m10, m11, m12u = m[0, 0], m[0, 1], m[0, 2] * u, m[1, 0], m[1, 1], m[1, 2] * u
+    for i in range(begin, end):
+        a0, a1, a2 = S[0, 0, i], S[0, 1, i], S[0, 2, i]
+        q0, q1, q2 = S[1, 0, i], S[1, 1, i], S[1, 2, i]
+        k0, k1, k2 = S[2, 0, i], S[2, 1, i], S[2, 2, i]
+        a0, q0 = m00 * a0 + m01 * q0 + m02u * k0, m10 * a0 + m11 * q0 + m12u * k0
+        a1, q1 = m00 * a1 + m01 * q1 + m02u * k1, m10 * a1 + m11 * q1 + m12u * k1
+        a2, q2 = m00 * a2 + m01 * q2 + m02u * k2, m10 * a2 + m11 * q2 + m12u * k2
+        f0, f1, f2 = a0, a1, a2
+        var = f0 * f0 + f1 * f1 + f2 * f2 + std[0] ** 2
+        share = 1.0 / (var + std[0] * np.sqrt(var))
+        gain_a = share * (a0 * f0 + a1 * f1 + a2 * f2)
+        gain_q = share * (q0 * f0 + q1 * f1 + q2 * f2)
+        gain_k = share * (k0 * f0 + k1 * f1 + k2 * f2)
+        a0, a1, a2 = a0 - gain_a * f0, a1 - gain_a * f1, a2 - gain_a * f2
+        q0, q1, q2 = q0 - gain_q * f0, q1 - gain_q * f1, q2 - gain_q * f2
+        k0, k1, k2 = k0 - gain_k * f0, k1 - gain_k * f1, k2 - gain_k * f2
+        f0, f1, f2 = q0, q1, q2
+        var = f0 * f0 + f1 * f1 + f2 * f2 + std[1] ** 2
+        share = 1.0 / (var + std[1] * np.sqrt(var))
+        gain_a = share * (a0 * f0 + a1 * f1 + a2 * f2)
+        gain_q = share * (q0 * f0 + q1 * f1 + q2 * f2)
+        gain_k = share * (k0 * f0 + k1 * f1 + k2 * f2)
+        S[0, 0, i], S[0, 1, i], S[0, 2, i] = a0 - gain_a * f0, a1 - gain_a * f1, a2 - gain_a * f2
+        S[1, 0, i], S[1, 1, i], S[1, 2, i] = q0 - gain_q * f0, q1 - gain_q * f1, q2 - gain_q * f2
+        S[2, 0, i], S[2, 1, i], S[2, 2, i] = k0 - gain_k * f0, k1 - gain_k * f1, k2 - gain_k * f2
+
+
+@compiled
+def _windows(models: Array, u: Array, first: Array, std: Array, begin: int, end: int, out: Array) -> None:
+    """Write the bounds of ticks ``begin`` to ``end - 1``, whose stretches all begin at other samples.
+
+    All windows that contain a sample take it together.
+    """
+    n = end - begin
+    S, since, R, own = np.zeros((3, 3, n)), np.zeros(n, dtype=np.int64), np.zeros((3, 3)), np.zeros((3, 3))
+    rises = True
+    for i in range(n):
+        R[:], k, start = 0.0, begin + i, int(first[begin + i])
+        since[i] = k + 1
+        for j in range(start, k + 1):
+            if _inform(R, own, models, u, std, j, start):
+                S[:, :, i], since[i] = own, j
+                break
+        rises = rises and (i == 0 or since[i] >= since[i - 1])
+    if rises:
+        ready = 0  # windows before this one have taken a sample before j
+        for j in range(since[0], end):
+            while ready < n and since[ready] < j:
+                ready += 1
+            _update_covariances(S, max(0, j - begin), ready, models[j], u[j], std)
+    else:
+        for i in range(n):
+            for j in range(since[i] + 1, begin + i + 1):
+                _update_covariances(S, i, i + 1, models[j], u[j], std)
+    for i in range(n):
+        if since[i] <= begin + i:
+            out[begin + i] = np.sqrt(S[2, 0, i] ** 2 + S[2, 1, i] ** 2 + S[2, 2, i] ** 2)
 
 
 @compiled
@@ -96,25 +156,31 @@ def _bounds(models: Array, u: Array, first: Array, std: Array) -> Array:
     """
     T = models.shape[0]
     out = np.full(T, np.inf)
-    R, S, observable = np.zeros((3, 3)), np.zeros((3, 3)), False
-    for k in range(T):
-        begin = int(first[k])
-        if k > 0 and first[k] == first[k - 1]:  # the same stretch with one additional sample
-            begin = k
+    R, S, own, observable = np.zeros((3, 3)), np.zeros((3, 3, 1)), np.zeros((3, 3)), False
+    k = 0
+    while k < T:
+        end = k
+        while end < T and (end + 1 >= T or first[end + 1] != first[end]):  # stretches that no later tick continues
+            end += 1
+        if end > k:
+            _windows(models, u, first, std, k, end, out)
+            k = end
         else:
             R[:], observable = 0.0, False
-        for j in range(begin, k + 1):
-            if observable:
-                _update_covariance(S, models[j], u[j], std)
-                continue
-            if j > int(first[k]):
-                _propagate_information(R, models[j], u[j])
-            _add_sample(R, std)
-            observable = abs(R[2, 2]) > 1e-9 * np.sqrt(R[0, 2] ** 2 + R[1, 2] ** 2)
-            if observable:
-                _invert(R, S)
-        if observable:
-            out[k] = np.sqrt(S[2, 0] ** 2 + S[2, 1] ** 2 + S[2, 2] ** 2)
+            start = int(first[k])
+            for j in range(start, T):
+                if j > k and first[j] != first[k]:
+                    break
+                if observable:
+                    _update_covariances(S, 0, 1, models[j], u[j], std)
+                else:
+                    observable = _inform(R, own, models, u, std, j, start)
+                    S[:, :, 0] = own
+                if j >= k and observable:
+                    out[j] = np.sqrt(S[2, 0, 0] ** 2 + S[2, 1, 0] ** 2 + S[2, 2, 0] ** 2)
+            while end < T and first[end] == first[k]:
+                end += 1
+            k = end
     return out
 
 

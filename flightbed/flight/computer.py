@@ -569,7 +569,10 @@ def _store(flight: Flight) -> Array:
         "errors": end, "lateral_errors": end + errors[0].size, "rows": end + sum(array.size for array in errors),
         "estimators": len(blocks), "width": width, "lateral_at": lateral_at, "in_g_at": in_g_at,
     }  # fmt: skip
-    rows = np.zeros((flight.ticks, width))
+    before = [_head(flight, places), *_laws(flight), *blocks, *memories, *errors]
+    store = np.zeros(int(places["rows"]) + flight.ticks * width)
+    np.concatenate(before, out=store[: int(places["rows"])])
+    rows = store[int(places["rows"]) :].reshape(flight.ticks, width)
     rows[:, _FLOWN_AT["tick"]] = np.arange(flight.ticks)
     rows[:, _FLOWN_AT["q_cmd_rad_s"]] = flight.profile.q_cmd_rad_s
     rows[:, _FLOWN_AT["q_ref_rad_s"]] = flight.profile.q_ref_rad_s
@@ -582,7 +585,6 @@ def _store(flight: Flight) -> Array:
         increments = np.array(in_g.references)
         rows[:, in_g_at:] = np.nan
         rows[:, in_g_at : in_g_at + increments.shape[1]] = increments
-    store = np.concatenate([_head(flight, places), *_laws(flight), *blocks, *memories, *errors, rows.ravel()])
     _put_redesigned(store, flight, is_new=False)
     return store
 
