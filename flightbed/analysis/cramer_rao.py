@@ -66,6 +66,14 @@ def _invert(R: Array, S: Array) -> None:
 
 
 @compiled
+def _put(square: Array, S: Array, at: int) -> None:
+    """Set S[..., at] to a square root (3, 3); the assignment of an array to a slice would take seconds to compile."""
+    for i in range(3):
+        for j in range(3):
+            S[i, j, at] = square[i, j]
+
+
+@compiled
 def _inform(R: Array, S: Array, models: Array, u: Array, std: Array, at: int, first: int) -> bool:
     """Add sample ``at`` to the information R; return whether K is observable, and then set S to the square root of the covariance."""
     if at > first:
@@ -125,7 +133,8 @@ def _windows(models: Array, u: Array, first: Array, std: Array, begin: int, end:
         since[i] = k + 1
         for j in range(start, k + 1):
             if _inform(R, own, models, u, std, j, start):
-                S[:, :, i], since[i] = own, j
+                since[i] = j
+                _put(own, S, i)
                 break
         rises = rises and (i == 0 or since[i] >= since[i - 1])
     if rises:
@@ -157,7 +166,7 @@ def _bounds(models: Array, u: Array, first: Array, std: Array) -> Array:
     T = models.shape[0]
     out = np.full(T, np.inf)
     R, S, own, observable = np.zeros((3, 3)), np.zeros((3, 3, 1)), np.zeros((3, 3)), False
-    k = 0
+    k, only = T - T, S.shape[2] - 1  # 0 and 0; numba would compile functions of their own for literals
     while k < T:
         end = k
         while end < T and (end + 1 >= T or first[end + 1] != first[end]):  # stretches that no later tick continues
@@ -172,10 +181,10 @@ def _bounds(models: Array, u: Array, first: Array, std: Array) -> Array:
                 if j > k and first[j] != first[k]:
                     break
                 if observable:
-                    _update_covariances(S, 0, 1, models[j], u[j], std)
+                    _update_covariances(S, only, only + 1, models[j], u[j], std)
                 else:
                     observable = _inform(R, own, models, u, std, j, start)
-                    S[:, :, 0] = own
+                    _put(own, S, only)
                 if j >= k and observable:
                     out[j] = np.sqrt(S[2, 0, 0] ** 2 + S[2, 1, 0] ** 2 + S[2, 2, 0] ** 2)
             while end < T and first[end] == first[k]:
