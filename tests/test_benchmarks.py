@@ -38,7 +38,7 @@ def asked(request: pytest.FixtureRequest) -> tuple[str, ...]:
 
 @pytest.fixture(scope="module")
 def quick(asked: tuple[str, ...], tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict[str, Any]]:
-    """What a smoke run of sections prints, and what it writes; of all sections where none is named."""
+    """Output and file of a smoke run of these sections."""
     file = tmp_path_factory.mktemp("speed") / "speed.json"
     only = [] if asked == SECTIONS else ["--only", *asked]
     done = _speed("--quick", *only, "--json", str(file))

@@ -235,7 +235,7 @@ def _tick_of(variant: _Variant) -> Callable[[Array, int], float]:
     The row already holds the true values, or the JSBSim properties from which the function computes them; it adds readings, estimates and
     commands.
     """
-    # Plain numbers: the cache tells the variants apart by their values, and numba drops the branches that are not taken.
+    # Plain numbers: the cache has one file per combination of their values, and numba drops the branches that are not taken.
     lateral, load_factor, redesigns = variant
 
     def tick(store: Array, k: int) -> float:

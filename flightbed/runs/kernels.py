@@ -36,13 +36,13 @@ def _in_order(scenarios: dict[str, Scenario]) -> list[str]:
 
     Processes that need the same kernel at the same time both compile it. So a set of estimators that is part of an earlier one comes later.
     """
-    first: dict[tuple[object, ...], str] = {}
+    first: dict[str, tuple[tuple[object, ...], frozenset[str]]] = {}
     for name in sorted(scenarios, key=lambda name: -_size(scenarios[name])):
         scenario, kinds = scenarios[name], _kinds(scenarios[name])
         parts = (scenario.control.law, scenario.lateral.enabled, scenario.adaptation.method)
-        if not any(parts == known[:-1] and kinds <= known[-1] for known in first):  # type: ignore[operator]
-            first[*parts, kinds] = name
-    return [*first.values(), *(name for name in scenarios if name not in first.values())]
+        if not any(parts == known and kinds <= more for known, more in first.values()):
+            first[name] = parts, kinds
+    return [*first, *(name for name in scenarios if name not in first)]
 
 
 def _kinds(scenario: Scenario) -> frozenset[str]:

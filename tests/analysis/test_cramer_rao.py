@@ -225,3 +225,25 @@ def test_the_bound_equals_the_covariance_of_the_joint_filter_without_prior(thesi
     assert observable.sum() > 500
     assert found[1:][observable] == pytest.approx(sigma[observable], rel=1e-6)
     assert sigma[-1] < 0.01 < sigma[observable].max()
+
+
+@pytest.mark.parametrize("stretches", ["moving", "irregular", "one", "change"])
+def test_a_bound_is_that_of_its_stretch_alone(stretches: str, rng: np.random.Generator) -> None:
+    """Windows that overlap are computed together, also where K becomes observable late; each is equal to the last bit to its own."""
+    for T in (1, 7, 60):
+        models = np.tile([[0.99, 0.01, -0.002, 0.0], [0.02, 0.98, -0.1, 0.0]], (T, 1, 1)) + 1e-3 * rng.normal(
+            size=(T, 2, 4)
+        )
+        u = 0.1 * rng.normal(size=T) * (rng.random(T) > 0.5) * (np.arange(T) > T // 3)
+        k = np.arange(T)
+        first = {
+            "moving": np.maximum(0, k - 9), "irregular": np.maximum.accumulate(np.minimum(rng.integers(0, T, T), k)),
+            "one": np.zeros(T), "change": np.maximum(np.maximum(0, k - 9), (k > T // 2) * (T // 2)),
+        }[stretches].astype(float)  # fmt: skip
+        std = np.array([5e-4, 2e-3])
+        found = _bounds(models, u, first, std)
+        alone = [
+            _bounds(models[s : e + 1], u[s : e + 1], np.zeros(e + 1 - s), std)[-1]
+            for e, s in enumerate(first.astype(int))
+        ]
+        assert found.tobytes() == np.array(alone).tobytes()
